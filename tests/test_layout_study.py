@@ -13,7 +13,6 @@ from studies.inputs.option_groups import Basis
 from studies.output import figures
 from studies.sensing import (
     decode_readings,
-    layout_figures,
     layout_metrics,
     layout_report,
     layout_search,
@@ -180,10 +179,10 @@ def test_a_design_without_a_clear_pose_is_judged(tmp_path):
     assert row["message"].startswith("no pose")
     assert row["noise_worst_um"] is None
     assert "no pose" in layout_report.text(row, None, None, None).lower()
-    for figure in layout_figures.maps(coder, seen, 50.0):
+    for figure in layout_report.maps(coder, seen, 50.0):
         figure.chart.to_dict()
     # what is wrong with each place
-    assert set(layout_figures.maps(coder, seen, 50.0)[1].data["sign of det J"]) <= set(layout_figures.STATES)
+    assert set(layout_report.maps(coder, seen, 50.0)[1].data["sign of det J"]) <= set(layout_report.STATES)
 
 
 def test_ranges_without_a_layout_are_a_sentence(refusal, small):

@@ -157,7 +157,8 @@ def check_name(name: str) -> None:
 def checked(name: str, values: Sequence[Value]) -> list[Value]:
     """Return the values of an axis, numbers as floats, after a check of their kind and range."""
     if not values:
-        raise BadInput(f"axis {name} is empty: give values, such as {name}={_example(name)}")
+        example = "1,2,3" if AXES[name].is_number else ",".join(AXES[name].names[:2])
+        raise BadInput(f"axis {name} is empty: give values, such as {name}={example}")
     numbers = [value if isinstance(value, str) else float(value) for value in values]
     if len(set(numbers)) < len(numbers):
         raise BadInput(f"axis {name} lists a value twice: give each value once")
@@ -251,18 +252,12 @@ def from_table(name: str, value: Any) -> list[Value]:
     for one in value:
         named = isinstance(one, str) and bool(AXES[name].names)
         if isinstance(one, bool) or not (named or isinstance(one, (int, float))):
-            raise BadInput(f"axis {name} must be a list of {_kind(name)}; got {one!r:.60}")
+            quantity = AXES[name]
+            kinds = ["numbers"] * quantity.is_number + [f"the names {', '.join(quantity.names)}"] * bool(
+                quantity.names
+            )
+            raise BadInput(f"axis {name} must be a list of {' or '.join(kinds)}; got {one!r:.60}")
     return checked(name, value)
-
-
-def _kind(name: str) -> str:
-    quantity = AXES[name]
-    names = f"the names {', '.join(quantity.names)}" if quantity.names else ""
-    return " or ".join(part for part in ("numbers" if quantity.is_number else "", names) if part)
-
-
-def _example(name: str) -> str:
-    return "1,2,3" if AXES[name].is_number else ",".join(AXES[name].names[:2])
 
 
 def _listed(words: Sequence[str]) -> str:
@@ -272,18 +267,9 @@ def _listed(words: Sequence[str]) -> str:
 VERSION = 2
 """Newest version of the format of study files that can be read; older ones are subsets of it."""
 QuantityName = Literal[
-    "force",
-    "shift",
-    "tilt",
-    "contact_radius",
-    "strain",
-    "readings",
-    "decoded_force_error",
-    "critical_depth",
-    "modes",
-    "response",
-    "cycle",
-]
+    "force", "shift", "tilt", "contact_radius", "strain", "readings", "decoded_force_error", "critical_depth",
+    "modes", "response", "cycle",
+]  # fmt: skip
 QUANTITIES: tuple[QuantityName, ...] = get_args(QuantityName)
 """Quantities of a study, in the order of their columns."""
 SAMPLINGS = ("latin-hypercube", "sobol")
@@ -470,12 +456,11 @@ def _factors(path: str, values: Mapping[str, Any]) -> tuple[Factor, ...]:
 
 
 def _zipped(path: str, group: Mapping[str, Any]) -> Factor:
-    """Return a group of axes that vary together. A value may repeat, but no point."""
     columns: dict[str, tuple[Value, ...]] = {}
     for name, value in group.items():
         check_name(name)
         if isinstance(value, list):
-            # each value by itself, because an axis of a group may repeat a value
+            # each value by itself: an axis of a group may repeat a value, but no point
             columns[name] = tuple(from_table(name, [one])[0] for one in value)
         else:
             columns[name] = tuple(from_table(name, value))
@@ -504,42 +489,33 @@ def _sample(path: str, table: Mapping[str, Any]) -> Factor:
         raise BadInput(f"{where}: Sobol points need a power of 2 as count; got {count}: take {below} or {2 * below}")
     if seed < 0:
         raise BadInput(f"{where}: seed must be 0 or more; got {seed}")
-    low, high, log = _box(where, values.get("ranges", {}), values.get("log", []))
+    ranges = {name: _range(where, name, ends) for name, ends in values.get("ranges", {}).items()}
+    if not ranges:
+        raise BadInput(f"{where}: there are no ranges: add a table [sample.ranges] with NAME = [low, high]")
+    log = values.get("log", [])
+    for name in log:
+        if name not in ranges:
+            raise BadInput(f"{where}: log names {name!r}, which has no range: choose from {', '.join(ranges)}")
+        if not ranges[name][0] > 0:
+            low = ranges[name][0]
+            raise BadInput(f"{where}: the range of {name} must begin above 0 for a log scale; got {low:g}")
     from scipy.stats import qmc
 
     engine = qmc.Sobol if method == "sobol" else qmc.LatinHypercube
-    unit = engine(len(low), rng=seed).random(count)
     columns = []
-    for k, name in enumerate(low):
-        a, b = low[name], high[name]
-        if name in log:
-            column = [a * (b / a) ** share for share in unit[:, k].tolist()]
-        else:
-            column = [a + (b - a) * share for share in unit[:, k].tolist()]
+    for (name, (a, b)), shares in zip(ranges.items(), engine(len(ranges), rng=seed).random(count).T, strict=True):
+        column = [a * (b / a) ** share if name in log else a + (b - a) * share for share in shares.tolist()]
         columns.append(tuple(min(max(float(f"{value:.12g}"), a), b) for value in column))
-    return Factor(tuple(low), tuple(columns), sampled=True)
+    return Factor(tuple(ranges), tuple(columns), sampled=True)
 
 
-def _box(
-    where: str, ranges: Mapping[str, Any], log: Sequence[str]
-) -> tuple[dict[str, float], dict[str, float], Sequence[str]]:
-    low: dict[str, float] = {}
-    high: dict[str, float] = {}
-    for name, ends in ranges.items():
-        check_name(name)
-        if not AXES[name].is_number:
-            raise BadInput(f"{where}: {name} has names, not numbers, so it cannot be sampled: make it an axis")
-        if not isinstance(ends, list) or len(ends) != 2:
-            raise BadInput(f"{where}: the range of {name} must be [low, high]; got {ends!r:.60}")
-        first, last = from_table(name, [ends[0]])[0], from_table(name, [ends[1]])[0]
-        if isinstance(first, str) or isinstance(last, str) or not first < last:
-            raise BadInput(f"{where}: the range of {name} must be [low, high] with low < high; got {ends!r:.60}")
-        low[name], high[name] = first, last
-    if not low:
-        raise BadInput(f"{where}: there are no ranges: add a table [sample.ranges] with NAME = [low, high]")
-    for name in log:
-        if name not in low:
-            raise BadInput(f"{where}: log names {name!r}, which has no range: choose from {', '.join(low)}")
-        if not low[name] > 0:
-            raise BadInput(f"{where}: the range of {name} must begin above 0 for a log scale; got {low[name]:g}")
-    return low, high, log
+def _range(where: str, name: str, ends: Any) -> tuple[float, float]:
+    check_name(name)
+    if not AXES[name].is_number:
+        raise BadInput(f"{where}: {name} has names, not numbers, so it cannot be sampled: make it an axis")
+    if not isinstance(ends, list) or len(ends) != 2:
+        raise BadInput(f"{where}: the range of {name} must be [low, high]; got {ends!r:.60}")
+    low, high = (from_table(name, [end])[0] for end in ends)
+    if isinstance(low, str) or isinstance(high, str) or not low < high:
+        raise BadInput(f"{where}: the range of {name} must be [low, high] with low < high; got {ends!r:.60}")
+    return low, high

@@ -9,7 +9,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
 from geometry import design_digest
 from geometry.design import BadInput, Design
@@ -62,27 +62,18 @@ def csv_rows(path: Path, *, comments: bool = False) -> Rows:
     except csv.Error as error:
         raise BadInput(f"{str(path)!r}, line {before + 1} is not CSV ({error}): check its quotes") from None
     if rows:
-        line, head = rows[0]
-        _check_separator(path, line, ",".join(head))
+        line, head = rows[0][0], ",".join(rows[0][1])
+        for sign, name in SEPARATORS.items():
+            if head.count(sign) > head.count(","):
+                raise BadInput(
+                    f"{str(path)!r}, line {line}: {name} separate its columns: save it with commas between columns "
+                    "and a point before decimals"
+                )
     return rows
 
 
-def _check_separator(path: Path, line: int, head: str) -> None:
-    for sign, name in SEPARATORS.items():
-        if head.count(sign) > head.count(","):
-            raise BadInput(
-                f"{str(path)!r}, line {line}: {name} separate its columns: save it with commas between columns "
-                "and a point before decimals"
-            )
-
-
 def check_rows(path: str | Path, rows: Rows) -> None:
-    """Check that a table has rows below its header.
-
-    Parameters
-    ----------
-    rows : the rows without the header.
-    """
+    """Check that a table has rows below its header."""
     if not rows:
         raise BadInput(f"{str(path)!r} has a header but no rows: add a row of numbers below it")
 
@@ -124,9 +115,9 @@ def json_objects(path: Path) -> Iterator[tuple[int, dict[str, Any]]]:
         if not text.strip():
             continue
         try:
-            record = json.loads(text, parse_constant=_not_finite, parse_float=_finite)
-        except _NotFinite as error:
-            raise BadInput(f"{path}, line {line}: numbers must be finite; got {error}: leave this line out") from None
+            record = json.loads(text, parse_constant=_finite, parse_float=_finite)
+        except BadInput as error:
+            raise BadInput(f"{path}, line {line}: {error}") from None
         except (ValueError, RecursionError):
             raise BadInput(f"{path}, line {line} is not JSON: give one JSON object per line") from None
         if not isinstance(record, dict):
@@ -134,18 +125,10 @@ def json_objects(path: Path) -> Iterator[tuple[int, dict[str, Any]]]:
         yield line, record
 
 
-class _NotFinite(Exception):
-    """A JSON number that is not finite; its text is the message."""
-
-
-def _not_finite(name: str) -> NoReturn:
-    raise _NotFinite(name)
-
-
 def _finite(text: str) -> float:
     value = float(text)
     if not math.isfinite(value):
-        _not_finite(text)
+        raise BadInput(f"numbers must be finite; got {text}: leave this line out")
     return value
 
 
@@ -185,8 +168,7 @@ def read_states(path: Path, design: Design) -> list[State]:
         except (ValueError, KeyError, TypeError):
             raise BadInput(
                 f"{where} is not a state printed by `magtip solve --json`: it must contain status, depth_mm, "
-                "shear_mm, force_N, "
-                "shift_mm and tilt_rad"
+                "shear_mm, force_N, shift_mm and tilt_rad"
             ) from None
         all_named = design_digest.check(record, expected, where) and all_named
         states.append(state)

@@ -300,31 +300,18 @@ def quantity(name: str, value: object, unit: str, low: float = -math.inf, high: 
     if isinstance(value, (int, float)) and not isinstance(value, bool):
         number = float(value)
     elif isinstance(value, str) and (match := _TEXT.fullmatch(value)):
-        number, factor = float(match[1]), _factor(name, match[2], unit)
-    example = '0.4 or "40 %"' if unit == "1" else f'5 or "5 {unit}"'
+        known = {"": 1.0, **UNITS[unit]}
+        if match[2] not in known:
+            raise BadInput(f"{name}: {match[2]!r} is no unit for it: {nearest(match[2], UNITS[unit])}")
+        number, factor = float(match[1]), known[match[2]]
+    pure = unit == "1"
     if not math.isfinite(number):
-        raise BadInput(f"{name} must be a number{_in(unit)}, such as {example}; got {value!r:.60}")
+        kind = 'a number, such as 0.4 or "40 %"' if pure else f'a number in {unit}, such as 5 or "5 {unit}"'
+        raise BadInput(f"{name} must be {kind}; got {value!r:.60}")
     # decimal prefixes must not leave rounding in the last digit: 5 * 1e-3 is 0.005, as 5 / 1000 is
     result = number / round(1 / factor) if factor < 1 else number * factor
     if not low <= result <= high:
         bound = f"lie between {low:g} and {high:g}" if math.isfinite(high) else f"be at least {low:g}"
-        hint = ': write 40 % as 0.4 or "40 %"' if unit == "1" and result > high else ""
-        raise BadInput(f"{name} must {bound}{_after(unit)}; got {result:g}{_after(unit)}{hint}")
+        hint, after = ': write 40 % as 0.4 or "40 %"' if pure and result > high else "", "" if pure else f" {unit}"
+        raise BadInput(f"{name} must {bound}{after}; got {result:g}{after}{hint}")
     return result
-
-
-def _factor(name: str, text: str, unit: str) -> float:
-    known = UNITS[unit]
-    if not text:
-        return 1.0
-    if text not in known:
-        raise BadInput(f"{name}: {text!r} is no unit for it: {nearest(text, known)}")
-    return known[text]
-
-
-def _in(unit: str) -> str:
-    return "" if unit == "1" else f" in {unit}"
-
-
-def _after(unit: str) -> str:
-    return "" if unit == "1" else f" {unit}"

@@ -129,6 +129,7 @@ def register(connection: sqlite3.Connection) -> None:
     connection.create_function("accuracy_name", 1, accuracy_name, deterministic=True)
     connection.create_function("damaged_path", 2, damaged_path, deterministic=True)
     connection.create_function("damaged_state", 10, damaged_state, deterministic=True)
+    connection.create_function("name_of", 2, named, deterministic=True)
 
 
 @functools.cache
@@ -146,6 +147,8 @@ DAMAGED_PATH = "damaged_path(CAST(path.key AS BLOB), CAST(path.content AS BLOB))
 """Condition on `path`."""
 DAMAGED = f"(damaged_state(CAST(path.key AS BLOB), {store.READ}) OR {DAMAGED_PATH})"
 """Condition on `state` joined with its `path`."""
+OF_PATHS = "state.path IN (SELECT id FROM path WHERE {})"
+"""Condition on `state`, of one on `path`."""
 PATHS = '(SELECT id, iif(json_valid(content), content, \'{"model": "damaged"}\') AS content FROM path) AS path'
 """All paths; a content that is no JSON stands for none."""
 
@@ -166,24 +169,18 @@ def damaged_state(key: bytes, *row: Any) -> bool:
 def condition(selection: Selection) -> Condition:
     """Return the condition that the options mean."""
     parts: list[Condition] = [_parsed(text) for text in selection.where or []]
-    for option, date, sign in (("--since", selection.since, ">="), ("--before", selection.before, "<")):
-        if date is not None:
-            parts.append((f"state.added {sign} ?", (_utc(option, date),)))
+    dates = (("--since", selection.since, ">="), ("--before", selection.before, "<"))
+    parts += [(f"state.added {sign} ?", (_utc(option, date),)) for option, date, sign in dates if date is not None]
     if outcomes := [name for name in ("failed", "transient") if getattr(selection, name)]:
         parts.append((f"state.outcome IN ({', '.join('?' * len(outcomes))})", tuple(outcomes)))
     if selection.damaged:
         parts.append((f"EXISTS (SELECT 1 FROM path WHERE path.id = state.path AND {DAMAGED})", ()))
     if selection.older_physics:
-        parts.append((_of_paths(current_physics("<")), ()))
+        parts.append((OF_PATHS.format(current_physics("<")), ()))
     return " AND ".join(sql for sql, _ in parts) or "1", tuple(value for _, values in parts for value in values)
 
 
-def _of_paths(where: str) -> str:
-    return f"state.path IN (SELECT id FROM path WHERE {where})"
-
-
 def _parsed(text: str) -> Condition:
-    """Return the condition of a filter NAME=VALUE, NAME=a,b or NAME=low:high."""
     name, sign, value = (part.strip() for part in text.partition("="))
     if not (name and sign and value):
         raise BadInput(f"--where must be NAME=VALUE, NAME=a,b or NAME=low:high, such as nu=0.45:0.5; got {text!r}")
@@ -206,7 +203,7 @@ def _parsed(text: str) -> Condition:
         numbers = [_number(name, word) for word in words if word not in texts]
         sql = " OR ".join([f"CAST({field.sql} AS TEXT) = ?"] * len(texts) + [between] * len(numbers))
         values = [*texts, *(x for n in numbers for x in (n - TOLERANCE, n + TOLERANCE))]
-    return _of_paths(sql) if field.of_path else f"({sql})", tuple(values)
+    return OF_PATHS.format(sql) if field.of_path else f"({sql})", tuple(values)
 
 
 def _number(name: str, text: str) -> float:
@@ -443,32 +440,26 @@ def export(selection: Selection, out: Path, progress: Progress) -> int:
 
 @contextlib.contextmanager
 def _writer(out: Path, file: Path) -> Iterator[Callable[[StateRows], None]]:
-    """Yield a function that appends rows to a file, which replaces `out` when the context ends without an error."""
     if out.suffix.lower() == ".jsonl":
         with atomic_files.atomic(out) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as stream:
             yield lambda rows: stream.writelines(
                 atomic_files.json_line(dict(zip(FIELDS, row, strict=True))) + "\n" for row in rows
             )
         return
+    import numpy as np
+
     from studies.output import provenance, table_files
 
     about = {"store": str(file), "versions": provenance.versions()}
     with table_files.writer(out, digits=DIGITS, about=about) as write:
         yield lambda rows: write(
             {
-                name: _array(values, field.kind)
+                name: np.array([None if value is None else str(value) for value in values], dtype=object)
+                if "text" in field.kind
+                else np.array(values, dtype=float)  # NULL is NaN
                 for (name, field), values in zip(FIELDS.items(), zip(*rows, strict=True), strict=True)
             }
         )
-
-
-def _array(values: tuple[Any, ...], kind: Kind) -> Any:
-    import numpy as np
-
-    if kind in ("text", "text or number"):
-        return np.array([value if value is None else str(value) for value in values], dtype=object)
-    # NULL is NaN in an array of floats
-    return np.array(values, dtype=float)
 
 
 # Removal
@@ -500,7 +491,14 @@ def prune(selection: Selection, *, yes: bool) -> FlatRow:
     if yes and states:
         with store.writable(file) as connection, store.refusals(file):
             register(connection)
-            _remove(connection, where)
+            connection.execute("BEGIN IMMEDIATE")
+            with connection:
+                connection.execute(f"DELETE FROM state WHERE {where[0]}", where[1])
+                connection.execute("DELETE FROM path WHERE id NOT IN (SELECT path FROM state)")
+            connection.execute("VACUUM")
+            # a process that reads keeps the old pages: the file shrinks later, without a wait here
+            connection.execute("PRAGMA busy_timeout = 0")
+            connection.execute("PRAGMA wal_checkpoint(TRUNCATE)")
     return {
         "file": str(file),
         "removed": yes,
@@ -511,14 +509,3 @@ def prune(selection: Selection, *, yes: bool) -> FlatRow:
         "size_MB": size,
         "freed_MB": size - size_MB(file) if yes else size * (states / in_store if in_store else 0.0),
     }
-
-
-def _remove(connection: sqlite3.Connection, where: Condition) -> None:
-    connection.execute("BEGIN IMMEDIATE")
-    with connection:
-        connection.execute(f"DELETE FROM state WHERE {where[0]}", where[1])
-        connection.execute("DELETE FROM path WHERE id NOT IN (SELECT path FROM state)")
-    connection.execute("VACUUM")
-    # a process that reads keeps the old pages: the file shrinks later, without a wait here
-    connection.execute("PRAGMA busy_timeout = 0")
-    connection.execute("PRAGMA wal_checkpoint(TRUNCATE)")

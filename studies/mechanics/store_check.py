@@ -6,7 +6,7 @@ import json
 import math
 import random
 import sqlite3
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,12 +16,7 @@ from fem.scene import Scene
 from geometry.design import LAWS, BadInput, Design, paper
 from geometry.loads import Load
 from geometry.messages import Progress
-from studies.mechanics import (
-    path_solver,
-    store,
-    store_actions,
-    timed_quantities,
-)
+from studies.mechanics import path_solver, store, store_actions, timed_quantities
 from studies.mechanics.store import Content, Position, State
 from studies.mechanics.timed_quantities import STILL, PlateMotion
 from studies.output.records import FlatRow
@@ -31,8 +26,6 @@ MOST_NAMED = 3
 SOLVE_AGAIN = "magtip store prune --damaged --yes removes them, and the next study solves them again"
 SOLVED_OTHERWISE = "remove them by magtip store prune; if the models have changed, raise fem.physics_version"
 NEW_FILE = "export what can be read, move the file away, and let the next study make a new one"
-Errors = tuple[int, Sequence[str], str]
-"""Number of things that were checked, what is wrong with which, and what to do."""
 Place = tuple[int, float, float]
 """Path, depth and shear of a state."""
 ROUNDING = 1e-6
@@ -56,9 +49,10 @@ def checks(file: Path, repeated: int = 0, seed: int = 0, progress: Progress | No
     """
     with store.readable(file) as connection:
         store_actions.register(connection)
-        for name, check in CHECKS.items():
+        for name, (counting, wrong, sentence, remedy) in queries().items():
             try:
-                yield _check(name, *check(connection))
+                (count,) = connection.execute(counting).fetchone()
+                yield _check(name, count, [sentence.format(*row) for row in connection.execute(wrong)], remedy)
             except sqlite3.Error as error:
                 yield _check(name, 0, [f"the file cannot be read there ({error})"], NEW_FILE)
         if repeated:
@@ -73,63 +67,48 @@ def _check(name: str, count: int, errors: Sequence[str], remedy: str) -> FlatRow
     return {"check": name, "status": "failed" if errors else "ok", "checked": count, "message": message}
 
 
-def _pages(connection: sqlite3.Connection) -> Errors:
-    errors = [text for (text,) in connection.execute("PRAGMA integrity_check") if text != "ok"]
-    return _number(connection, "PRAGMA page_count"), errors, NEW_FILE
-
-
-def _links(connection: sqlite3.Connection) -> Errors:
-    errors = [f"a {table} has no {parent}" for table, _, parent, _ in connection.execute("PRAGMA foreign_key_check")]
-    return _number(connection, "SELECT COUNT(*) FROM state"), errors, NEW_FILE
-
-
-def _contents(connection: sqlite3.Connection) -> Errors:
-    damaged = connection.execute(f"SELECT id FROM path WHERE {store_actions.DAMAGED_PATH}")
-    errors = [f"path {number} is damaged" for (number,) in damaged]
-    return _number(connection, "SELECT COUNT(*) FROM path"), errors, SOLVE_AGAIN
-
-
-def _answers(connection: sqlite3.Connection) -> Errors:
-    damaged = connection.execute(
-        "SELECT path FROM state JOIN path ON path.id = state.path"
-        f" WHERE damaged_state(CAST(path.key AS BLOB), {store.READ})"
-    )
-    errors = [f"a state of path {number} is damaged" for (number,) in damaged]
-    return _number(connection, "SELECT COUNT(*) FROM state"), errors, SOLVE_AGAIN
-
-
-def _physics(connection: sqlite3.Connection) -> Errors:
-    """Check that the program knows the physics version of each path; older ones are in order."""
+def queries() -> dict[str, tuple[str, str, str, str]]:
+    """Return by the name of each check the SQL that counts what is checked and selects what is wrong, a sentence for
+    each of these rows, and the remedy.
+    """
+    count_states = "SELECT COUNT(*) FROM state"
+    joined = "FROM state JOIN path ON path.id = state.path"
     kinds = [store_actions.FIELDS[name].sql for name in ("quantity", "model", "physics")]
+    paths = "FROM path WHERE json_valid(content)"
+    # older physics versions are in order
     known = f"COALESCE({kinds[2]} >= 1 AND NOT {store_actions.current_physics('>')}, 0)"
-    groups = connection.execute(
-        f"SELECT {', '.join(kinds)}, COUNT(*), {known} FROM path WHERE json_valid(content) GROUP BY 1, 2, 3"
-    ).fetchall()
-    errors = [
-        f"{count} of {store_actions.named(quantity, model)} with physics version {physics}"
-        for quantity, model, physics, count, is_known in groups
-        if not is_known
-    ]
-    return (
-        len(groups),
-        errors,
-        "this version of magtip knows no such version and uses none of these paths; update magtip",
-    )
-
-
-def _number(connection: sqlite3.Connection, query: str) -> int:
-    (number,) = connection.execute(query).fetchone()
-    return int(number)
-
-
-CHECKS: dict[str, Callable[[sqlite3.Connection], Errors]] = {
-    "pages of the file": _pages,
-    "links of states to paths": _links,
-    "contents of paths belong to their keys": _contents,
-    "answers and positions of states": _answers,
-    "physics versions": _physics,
-}
-"""Checks of the file by their names."""
+    return {
+        "pages of the file": (
+            "PRAGMA page_count",
+            "SELECT integrity_check FROM pragma_integrity_check WHERE integrity_check != 'ok'",
+            "{}",
+            NEW_FILE,
+        ),
+        "links of states to paths": (
+            count_states,
+            'SELECT "table", parent FROM pragma_foreign_key_check',
+            "a {} has no {}",
+            NEW_FILE,
+        ),
+        "contents of paths belong to their keys": (
+            "SELECT COUNT(*) FROM path",
+            f"SELECT id FROM path WHERE {store_actions.DAMAGED_PATH}",
+            "path {} is damaged",
+            SOLVE_AGAIN,
+        ),
+        "answers and positions of states": (
+            count_states,
+            f"SELECT path {joined} WHERE damaged_state(CAST(path.key AS BLOB), {store.READ})",
+            "a state of path {} is damaged",
+            SOLVE_AGAIN,
+        ),
+        "physics versions": (
+            f"SELECT COUNT(*) FROM (SELECT 1 {paths} GROUP BY {', '.join(kinds)})",
+            f"SELECT COUNT(*), name_of({kinds[0]}, {kinds[1]}), {kinds[2]} {paths} AND NOT {known} GROUP BY 2, 3",
+            "{} of {} with physics version {}",
+            "this version of magtip knows no such version and uses none of these paths; update magtip",
+        ),
+    }
 
 
 # States solved again
@@ -174,11 +153,9 @@ def _difference(key: str, content: Content, stored: State) -> str:
     difference = _largest(_numbers(stored.answer), _numbers(again.answer))
     estimates = [state.answer["error_estimate"] or WITHOUT_ESTIMATE for state in (stored, again)]
     allowed = max(ROUNDING, *estimates)
-    return (
-        ""
-        if difference <= allowed
-        else f"differs by {100 * difference:.2g} % (estimated error {100 * allowed:.2g} %)"
-    )
+    if difference <= allowed:
+        return ""
+    return f"differs by {100 * difference:.2g} % (estimated error {100 * allowed:.2g} %)"
 
 
 def _scene(content: Content, state: State) -> Scene:
@@ -209,7 +186,7 @@ def _design(content: Content, answer: Mapping[str, Any]) -> Design:
         l0=base.l0 + below,
         **dict(zip(LAWS[law], numbers, strict=True)),
     )
-    load = _of_load(content)
+    load = content.get("load", {})
     ratio = load.get("density_ratio")
     design = replace(design, density=answer.get("density_kg_per_m3", design.density))
     design = design if not ratio else replace(design, magnet_density=ratio * design.density)
@@ -220,15 +197,13 @@ def _design(content: Content, answer: Mapping[str, Any]) -> Design:
 
 
 def _motion(content: Content, state: State) -> PlateMotion:
-    return (
-        timed_quantities.motion_of_cycle(_of_load(content), state.answer["D_mm"])
-        if content["quantity"] == "cycle"
-        else STILL
-    )
+    if content["quantity"] != "cycle":
+        return STILL
+    return timed_quantities.motion_of_cycle(content["load"], state.answer["D_mm"])
 
 
 def _load(content: Content, at: Position, D: float, E: float) -> Load:
-    load = _of_load(content)
+    load = content.get("load", {})
     if content["quantity"] in ("response", "cycle"):
         return Load(D * load["depth"], D * load["shear_x"], friction=load["friction"])
     if content["quantity"] != "states":
@@ -246,28 +221,18 @@ def _load(content: Content, at: Position, D: float, E: float) -> Load:
     )
 
 
-def _of_load(content: Content) -> Mapping[str, Any]:
-    values: Mapping[str, Any] = content.get("load", {})
-    return values
-
-
 def _numbers(answer: Mapping[str, Any]) -> list[list[float]]:
     """Return the results of an answer as vectors, each of one unit; without small ones that have no meaning alone."""
     response = answer["response"]
     if response is not None:
         return [response["force"], response["shift"]]
     # a stored answer has its values in alphabetical order
-    values = [value for _, value in sorted(answer["values"].items())]
-    return [value if isinstance(value, list) else [value] for value in values if _is_number(value)]
-
-
-def _is_number(value: Any) -> bool:
-    return all(isinstance(part, int | float) for part in (value if isinstance(value, list) else [value]))
+    values = [value if isinstance(value, list) else [value] for _, value in sorted(answer["values"].items())]
+    return [value for value in values if all(isinstance(part, int | float) for part in value)]
 
 
 def _largest(first: list[list[float]], second: list[list[float]]) -> float:
     if [len(vector) for vector in first] != [len(vector) for vector in second]:
         return math.inf
-    return max(
-        (math.dist(a, b) / size for a, b in zip(first, second, strict=True) if (size := math.hypot(*a))), default=0.0
-    )
+    pairs = zip(first, second, strict=True)
+    return max((math.dist(a, b) / size for a, b in pairs if (size := math.hypot(*a))), default=0.0)

@@ -6,16 +6,13 @@ A force is compared with that by level finite of the formulas at the same pose. 
 from __future__ import annotations
 
 import contextlib
-import csv
 import dataclasses
-import io
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,7 +32,7 @@ from studies.inputs.option_groups import Decoding
 from studies.output import atomic_files, console, page_templates
 from studies.output.records import FlatRow
 from studies.output.result import Result, failure_of, of_record
-from studies.sensing.field_readings import read_rows
+from studies.sensing.field_readings import read_rows, write_rows
 
 if TYPE_CHECKING:
     from analytic.decode import Decoded, Decoder, Limit, Status
@@ -119,17 +116,6 @@ def mechanics_of(design: Design, level: str | None, file: Path | None) -> Mechan
 def level_name(level: str | None, file: Path | None, default: str = "paper") -> str:
     """Return the name of the source that `mechanics_of` chooses: a level, or "responses" for a file of states."""
     return RESPONSES if file is not None else level or default
-
-
-def force_gap(coder: Decoder, level: str, shift: Array, force: Array) -> Gap | None:
-    """Compare forces (n, 3), N, at shifts (n, 3), mm, with level finite; None if there is nothing to compare."""
-    if coder.mechanics is None or level == RESPONSES:
-        return None
-    design, law = coder.forward.design, coder.mechanics if level == BEST else None
-    # level finite refuses some designs; the gap is then of unknown size
-    with contextlib.suppress(BadInput):
-        law = law or of_level(design, BEST)
-    return _gap(design, law, shift, force)
 
 
 def warn_if_upright(law: Mechanics | None, *, ignore_tilt: bool) -> None:
@@ -231,22 +217,17 @@ def decode_text(coder: Decoder, text: str, decoding: Decoding) -> tuple[FlatRow,
 
 
 def _why(coder: Decoder, field: Array, decoded: Decoded, level: str, *, contact: bool | None) -> FlatRow:
-    """Return the message of one decoded set of readings, and where its pose lies if that is out of the workspace."""
     (status,) = decoded.status
     found: FlatRow = {"message": WHY[status]}
     if status == "out_of_workspace":
-        ((limit, outside),) = _limits_of(coder, field)
+        (pose,) = poses_outside(coder, field)
+        limit = exceeded_limit(coder, pose)
         message = limit_sentence(coder, limit, solved=level == RESPONSES)
-        found = {"message": message, "beyond": limit, "outside_mm": outside}
+        found = {"message": message, "beyond": limit, "outside_mm": pose.tolist()}
     if contact is False:
         said = NO_CONTACT.format(math.hypot(*decoded.shift[0, :2]))
         found["message"] = "; ".join(filter(None, [found["message"], said]))
     return found
-
-
-def _limits_of(coder: Decoder, field: Array) -> list[tuple[Limit | None, list[float]]]:
-    """Return which limit each pose outside the workspace exceeds, and its shift, mm; None and NaN without one."""
-    return [(exceeded_limit(coder, pose), pose.tolist()) for pose in poses_outside(coder, field)]
 
 
 def in_tesla(elements: Sequence[Element], values: Any, units: str | None) -> Array:
@@ -325,7 +306,10 @@ def decode_file(
         decoded = dataclasses.replace(slow, force=force, load=np.where(np.isnan(force[:, 2:]), np.nan, slow.load))
         names = [*COLUMNS[:-2], *TIME_COLUMNS, *COLUMNS[-2:]]
         said = [*said, *law_sentences(coder.forward.design, relaxing)]
-    found = _found_rows(decoded, statuses, relaxing, level)
+    tilt, tilt_y = tilts_of(*decoded.tilt.T)
+    parts = (decoded.shift, tilt, tilt_y, decoded.force, decoded.load, decoded.condition, relaxing)
+    numbers = zip(statuses, np.column_stack(parts).tolist(), decoded.multiplicity.tolist(), strict=True)
+    found = [(status, *line, count, level) for status, line, count in numbers]
     result = partial(_result, coder, slow, field, level, statuses, said)
     if as_json and target is None:
         rows_of = enumerate(zip(field.tolist(), found, strict=True), 1)
@@ -334,24 +318,11 @@ def decode_file(
             as_json=True,
         )
         return result(printed=True)
-    text = _as_csv([*head, *names], rows, found)
-    if target is None:
-        print(text, end="", flush=True)
-    else:
-        atomic_files.write_text(target, text)
+    write_rows(target, [*head, *names], rows, found)
     return result(printed=target is None)
 
 
-def _found_rows(decoded: Decoded, statuses: Sequence[Status], relaxing: Array, level: str) -> list[tuple[Any, ...]]:
-    """Return the values of the columns that decoding adds, row by row."""
-    tilt, tilt_y = tilts_of(*decoded.tilt.T)
-    parts = (decoded.shift, tilt, tilt_y, decoded.force, decoded.load, decoded.condition, relaxing)
-    lines, many = np.column_stack(parts).tolist(), decoded.multiplicity.tolist()
-    return [(status, *line, count, level) for status, line, count in zip(statuses, lines, many, strict=True)]
-
-
 def _times(decoding: Decoding, head: Sequence[str], rows: Sequence[Sequence[str]]) -> Array | None:
-    """Return the column time_s, s, shape (n,), of a table; None without one."""
     if "time_s" not in head:
         return None
     at, last = head.index("time_s"), -math.inf
@@ -434,17 +405,6 @@ def law_sentences(design: Design, relaxing: Array) -> list[str]:
     return sentences("law", most=part, off=off, design=design, tenth=100 * TENTH)
 
 
-def _as_csv(head: Sequence[str], rows: Sequence[Sequence[str]], found: Iterable[tuple[Any, ...]]) -> str:
-    """Return rows of a table with the found values added, all digits of numbers, and an empty cell for no number."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(head)
-    for row, values in zip(rows, found, strict=True):
-        cells = (("" if math.isnan(v) else repr(v + 0.0)) if isinstance(v, float) else v for v in values)
-        writer.writerow([*row, *cells])
-    return text.getvalue()
-
-
 def _result(
     coder: Decoder,
     decoded: Decoded,
@@ -455,7 +415,6 @@ def _result(
     *,
     printed: bool,
 ) -> Result:
-    """Return the counts of each status with their reasons; `printed`: whether the rows were printed, not written."""
     gap = force_gap(coder, level, decoded.shift, decoded.force)
     counts: dict[str, int] = {name: statuses.count(name) for name in WHY if name in statuses}
     remarks: list[str] = []
@@ -464,7 +423,7 @@ def _result(
         why = [WHY[status]]
         if status == "out_of_workspace":
             rows = [k for k, word in enumerate(decoded.status) if word == "out_of_workspace"][:MOST_SEARCHED]
-            limits = Counter(limit for limit, _ in _limits_of(coder, field[rows]))
+            limits = Counter(exceeded_limit(coder, pose) for pose in poses_outside(coder, field[rows]))
             texts = {limit: limit_sentence(coder, limit, solved=level == RESPONSES) for limit in limits}
             why = [texts[limit] + (f" ({n} of {count})" if len(texts) > 1 else "") for limit, n in limits.items()]
         if status != "ok":
@@ -490,45 +449,33 @@ def _result(
 # magnet, within the range in which level finite was compared with finite elements (`analytic.beam.outside`).
 
 
-@dataclass(frozen=True, slots=True)
-class Gap:
-    """Forces of a level and of level finite at the same poses, one row each.
+class Gap(NamedTuple):
+    """Forces (F_x, F_y, F_n) of a level and of level finite at the same poses, each shape (n, 3), N.
 
-    Attributes
-    ----------
-    chosen, best : sizes of the forces, shape (n,), N; NaN for no force, and for a pose outside level finite's range.
-    apart : size of their difference, shape (n,), N.
-    finite : force of level finite, (F_x, F_y, F_n), shape (n, 3), N.
-    slack : error of the polynomials by which the decoder represents level finite, N.
+    `finite` is NaN outside the range of level finite. `slack` is the error of the polynomials by which the decoder
+    represents level finite, N.
     """
 
-    chosen: Array
-    best: Array
-    apart: Array
+    force: Array
     finite: Array
     slack: float
 
-    @property
-    def wide(self) -> NDArray[np.bool_]:
-        """Rows in which the forces differ by more than `APART`, shape (n,)."""
-        return np.asarray(self.apart > np.maximum(APART * self.best, self.slack))
 
-    @property
-    def unknown(self) -> NDArray[np.bool_]:
-        """Rows with a force outside the range of level finite, so that its error is unknown, shape (n,)."""
-        return np.asarray((self.chosen > 0) & np.isnan(self.best))
+def force_gap(coder: Decoder, level: str, shift: Array, force: Array) -> Gap | None:
+    """Compare forces (n, 3), N, at shifts (n, 3), mm, with level finite; None if there is nothing to compare."""
+    if coder.mechanics is None or level == RESPONSES:
+        return None
+    design, law = coder.forward.design, coder.mechanics if level == BEST else None
+    # level finite refuses some designs; the gap is then of unknown size
+    with contextlib.suppress(BadInput):
+        law = law or of_level(design, BEST)
+    return Gap(force, finite_force(design, law, shift), max(law.errors[1:3]) if law else 0.0)
 
 
 def finite_force(design: Design, law: Mechanics | None, shift: Array) -> Array:
-    """Return the force by level finite at shifts (n, 3), mm; NaN outside the range of `analytic.beam.outside`.
+    """Return the force (n, 3), N, by the mechanics of level finite at shifts (n, 3), mm.
 
-    Parameters
-    ----------
-    law : the mechanics of level finite; None if this level refuses the design.
-
-    Returns
-    -------
-    force : (F_x, F_y, F_n), shape (n, 3), N.
+    It is NaN outside the range of `analytic.beam.outside`, and without mechanics, because the level refuses a design.
     """
     if law is None:
         return np.full(shift.shape, np.nan)
@@ -540,16 +487,12 @@ def finite_force(design: Design, law: Mechanics | None, shift: Array) -> Array:
     return np.where(inside, force, np.nan).T
 
 
-def _gap(design: Design, law: Mechanics | None, shift: Array, force: Array) -> Gap:
-    """Compare forces (n, 3), N, of a level at shifts (n, 3), mm, with level finite; `law` as in `finite_force`."""
-    best = finite_force(design, law, shift)
-    chosen, size, apart = (np.sqrt((values**2).sum(axis=1)) for values in (force, best, force - best))
-    return Gap(chosen, size, apart, best, max(law.errors[1:3]) if law else 0.0)
-
-
-def level_warnings(level: str, found: Gap) -> list[str]:
+def level_warnings(level: str, gap: Gap) -> list[str]:
     """Return warnings: forces that differ much from level finite, and forces whose error is unknown."""
-    wide, shares = found.wide, found.apart / np.maximum(found.best, found.slack)
+    chosen, best, apart = (
+        np.sqrt((values**2).sum(axis=1)) for values in (gap.force, gap.finite, gap.force - gap.finite)
+    )
+    wide, shares = apart > np.maximum(APART * best, gap.slack), apart / np.maximum(best, gap.slack)
     worst = int(np.argmax(np.where(wide, shares, -np.inf)))
     return sentences(
         "level",
@@ -560,7 +503,7 @@ def level_warnings(level: str, found: Gap) -> list[str]:
         limit=100 * APART,
         share=100 * shares[worst],
         row=worst + 1,
-        chosen=found.chosen[worst],
-        best=found.best[worst],
-        unknown=int(found.unknown.sum()),
+        chosen=chosen[worst],
+        best=best[worst],
+        unknown=int(((chosen > 0) & np.isnan(best)).sum()),
     )

@@ -8,7 +8,7 @@ from __future__ import annotations
 import csv
 import io
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -255,7 +255,6 @@ def resolutions(
 
 
 def _read_state(design: Design, state: State, sensing: Sensing, where: str) -> FlatRow:
-    """Return the readings of one state; `where` names its line in messages."""
     resolution = dict.fromkeys(("resolution_N", "resolution_N_per_N"))
     said = {"status": state.status, "message": state.message}
     if state.load is None or state.response is None:
@@ -310,8 +309,6 @@ FIELD_COLUMNS = ["Bx_T", "By_T", "Bz_T"]
 def add_field(design: Design, points: Path, pose: Pose, level: FieldLevel, out: Path | None) -> None:
     """Write the table of points with the columns `FIELD_COLUMNS` added, to a file or to standard output.
 
-    Numbers are written with all digits, so that reading them back gives the same bits.
-
     Raises
     ------
     BadInput
@@ -321,24 +318,28 @@ def add_field(design: Design, points: Path, pose: Pose, level: FieldLevel, out: 
 
     target = None if out is None else atomic_files.check_output_file(out, ".csv")
     shift, tilt = pose_of(pose)
-    head, rows, places = read_points(points)
+    head, rows, places = read_rows(points, POINT_COLUMNS, FIELD_COLUMNS)
     try:
         b = hall.field_at(places, design, shift, tilt, field=level)
     except BadInput as error:
         raise BadInput(f"{points}: {error}") from None
+    write_rows(target, [*head, *FIELD_COLUMNS], rows, b.tolist())
+
+
+def write_rows(
+    target: Path | None, head: Sequence[str], rows: Sequence[Sequence[str]], added: Iterable[Sequence[Any]]
+) -> None:
+    """Write rows of a table with values added to a file, or to standard output; numbers keep all their digits."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow([*head, *FIELD_COLUMNS])
-    writer.writerows([*row, *map(repr, values)] for row, values in zip(rows, (b + 0.0).tolist(), strict=True))
+    writer.writerow(head)
+    for row, values in zip(rows, added, strict=True):
+        cells = (("" if math.isnan(v) else repr(v + 0.0)) if isinstance(v, float) else v for v in values)
+        writer.writerow([*row, *cells])
     if target is None:
         print(text.getvalue(), end="", flush=True)
     else:
         atomic_files.write_text(target, text.getvalue())
-
-
-def read_points(path: Path) -> tuple[list[str], list[list[str]], Array]:
-    """Return head and rows of a table as text, and its points, shape (n, 3), mm."""
-    return read_rows(path, POINT_COLUMNS, FIELD_COLUMNS)
 
 
 def read_rows(
@@ -385,7 +386,6 @@ def read_rows(
 def _check_head(
     path: Path, head: list[str], wanted: list[str], added: list[str], instead: Mapping[str, list[str]]
 ) -> None:
-    """Refuse a head that lacks a wanted column, repeats or reorders one, or already has an added one."""
     names = ",".join(wanted)
     missing = [name for name in wanted if name not in head]
     if missing:

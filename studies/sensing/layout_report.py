@@ -2,26 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from geometry.design import BadInput, Design
 from geometry.loads import tilts_of
 from geometry.messages import Progress
 from studies.inputs.option_groups import Basis, LayoutParts
 from studies.output import page_templates
-from studies.output.figures import picture, save
+from studies.output.figures import COLOURS, Figure, Guide, Look, heat, numbers, picture, plot, save, texts
 from studies.output.result import Result, Table, Writer
-from studies.sensing import (
-    decode_readings,
-    force_range,
-    layout_figures,
-    layout_metrics,
-    layout_search,
-    layout_uniqueness,
-)
+from studies.sensing import decode_readings, force_range, layout_metrics, layout_search, layout_uniqueness
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -33,10 +27,6 @@ if TYPE_CHECKING:
 
 FILES = ("layout.csv", "layout.png", "search.csv", "claim.csv", "claim.png", "force_range.csv", "LAYOUT.md")
 """Files of the study; those of search, claim and range of loads only if these were requested."""
-
-
-NOISE = ("noise_worst_um", "noise_median_um", "noise_worst_N")
-"""Columns of the noise of a layout that tables show."""
 MOST_CLEARANCE = 100.0
 """mm."""
 
@@ -68,24 +58,26 @@ def run(design: Design, basis: Basis, parts: LayoutParts, progress: Progress) ->
     poses = survey.survey(coder, layout_metrics.COUNTS, clearance=basis.clearance)
     name = decode_readings.level_name(basis.level, basis.responses)
     layout = layout_metrics.layout_row(coder, poses, noise, name)
-    loads = None if limits is None else force_range.loads(coder, *limits, basis.clearance)
-    forces = None if loads is None or limits is None else force_range.evaluate(coder, loads, *limits, name)
-    search = layout_search.run(design, law, basis, bounds, count, progress) if parts.search else None
-    claim = layout_uniqueness.run(design, progress) if parts.claim else None
     files: dict[str, Writer] = {
         "layout.csv": lambda path: write_table(path, map_table(coder, poses).to_dict("records")),
-        "layout.png": lambda path: save(path, layout_figures.maps(coder, poses, basis.clearance)),
+        "layout.png": lambda path: save(path, maps(coder, poses, basis.clearance)),
     }
     record, shown, tables = dict(layout), [Table(title="Layout", rows=[_shown(layout)])], {}
-    if search is not None:
-        record["search"] = tables["search"] = search
+    search, claim, forces = None, None, None
+    if limits is not None:
+        loads = force_range.loads(coder, *limits, basis.clearance)
+        forces = force_range.evaluate(coder, loads, *limits, name)
+        tables["force_range"] = force_range.table(loads).to_dict("records")
+    if parts.search:
+        record["search"] = tables["search"] = search = layout_search.run(design, law, basis, bounds, count, progress)
         shown.append(Table(title="Layouts, best first", rows=_shown_search(search)))
-    if claim is not None:
+    if parts.claim:
+        claim = layout_uniqueness.run(design, progress)
         record["claim"], tables["claim"] = claim, claim["heights"]
-        files["claim.png"] = partial(picture, rows=tables["claim"], draw=partial(layout_figures.claim, c=design.c))
+        files["claim.png"] = partial(picture, rows=tables["claim"], draw=partial(claim_figures, c=design.c))
         shown.append(Table(title="Claim", rows=_shown_claim(claim)))
-    if loads is not None and forces is not None:
-        record["force_range"], tables["force_range"] = forces, force_range.table(loads).to_dict("records")
+    if forces is not None:
+        record["force_range"], tables["force_range"] = forces, tables.pop("force_range")
         shown.append(Table(title="Range of loads", rows=[_shown_forces(forces)]))
     warnings = [*layout["hits"], *layout["warnings"], *(forces["warnings"] if forces else ())]
     said = design.value_warnings()  # by the reader of the design
@@ -107,7 +99,6 @@ def map_table(coder: Decoder, poses: Survey) -> pd.DataFrame:
     det_sign : sign of det J.
     multiplicity : number of poses with these readings; NaN if they were not searched.
     """
-    import numpy as np
     import pandas as pd
 
     from analytic.parts import columns
@@ -131,58 +122,19 @@ def map_table(coder: Decoder, poses: Survey) -> pd.DataFrame:
 
 def text(layout: FlatRow, search: list[FlatRow] | None, claim: Claim | None, forces: FlatRow | None) -> str:
     """Return the text of LAYOUT.md without its origin."""
-    low, high = layout["workspace_mm"]
-    values = {} if claim is None else {"answers": layout_uniqueness.answer(claim)}
     return page_templates.rendered(
         Path(__file__).with_name("LAYOUT.md.j2"),
         layout=layout,
         search=search,
         claim=claim,
         forces=forces,
-        box=", ".join(f"{a:.3g} to {b:.3g}" for a, b in zip(low, high, strict=True)),
         counts=force_range.COUNTS,
         differences=layout_uniqueness.differences,
-        failure=_failure,
-        text=_text,
-        vector=_vector,
-        **values,
+        answers=[] if claim is None else layout_uniqueness.answer(claim),
     )
 
 
-def _text(value: float | None, unit: str = "") -> str:
-    """Format a value with three digits; a dash for None.
-
-    >>> _text(12.345, " N"), _text(None), _text(float("inf"))
-    ('12.3 N', '-', 'infinite')
-    """
-    if value is None or value != value:
-        return "-"
-    return "infinite" if abs(value) == float("inf") else f"{value:.3g}{unit}"
-
-
-def _vector(values: Iterable[float]) -> str:
-    return ", ".join(f"{value + 0.0:.3g}" for value in values)
-
-
-def _failure(row: FlatRow | None) -> str:
-    """Return the ambiguous share and the range of shifts in which it lies."""
-    if row is None:
-        return ""
-    spans = {name: row[f"alike_{name}_mm"] for name in "xyz"}
-    box = ", ".join(f"{name} {_span(ends)}" for name, ends in spans.items() if ends is not None)
-    share, apart = row["alike_percent"], row["alike_apart_mm"]
-    return f"c = {row['c_mm']:.3g}: {share:.2g} %, up to {apart:.2g} mm apart, at {box}"
-
-
-def _span(ends: Sequence[float]) -> str:
-    low, high = ends
-    return f"{low:.2g}" if high - low < 1e-9 else f"{low:.2g} to {high:.2g}"
-
-
 # On a terminal
-
-PLACES = ("worst_at_N", "worst_at_mm")
-"""Keys of a range of loads with a vector for each axis."""
 
 
 def _shown(layout: FlatRow) -> FlatRow:
@@ -191,26 +143,23 @@ def _shown(layout: FlatRow) -> FlatRow:
     hidden += ["most_alike", "alike_apart_mm"] if layout["most_alike"] == 1 else []
     short = {name: value for name, value in layout.items() if name not in hidden and value is not None}
     low, high = short.pop("workspace_mm")
-    short["workspace_mm"] = [f"{a:.3g} to {b:.3g}" for a, b in zip(low, high, strict=True)]
-    return short
+    return short | {"workspace_mm": [f"{a:.3g} to {b:.3g}" for a, b in zip(low, high, strict=True)]}
 
 
 def _shown_forces(forces: FlatRow) -> FlatRow:
     row = {name: value for name, value in forces.items() if value not in (None, []) and name != "warnings"}
-    places = {
-        name: ["; ".join(f"{v + 0.0:.3g}" for v in vector) for vector in row[name]] for name in PLACES if name in row
-    }
-    return row | places
+    for name in {"worst_at_N", "worst_at_mm"} & set(row):
+        row[name] = ["; ".join(f"{v + 0.0:.3g}" for v in vector) for vector in row[name]]
+    return row
 
 
-def _shown_search(rows: Sequence[FlatRow]) -> list[FlatRow]:
-    """Return the rows of a search for the terminal; files and JSON have all shares."""
-    keys = ("settings", "unique_percent", "condition_worst", *NOISE)
+def _shown_search(rows: list[FlatRow]) -> list[FlatRow]:
+    keys = ("settings", "unique_percent", "condition_worst", "noise_worst_um", "noise_median_um", "noise_worst_N")
     return [{"rank": row["rank"] or "given", **{key: row[key] for key in keys}} for row in rows]
 
 
 def _shown_claim(claim: Claim) -> list[FlatRow]:
-    """Return the rows of the claim for the terminal: the design's layout form by form, and the range of c."""
+    """Return the design's layout form by form, and the range of c."""
     keys = ("readings", "unique_percent", "alike_percent", "alike_apart_mm")
     rows = []
     for form in claim["forms"]:
@@ -218,3 +167,93 @@ def _shown_claim(claim: Claim) -> list[FlatRow]:
         row = {name: value for name, value in form.items() if name in keys or name.startswith("difference")}
         rows.append(row | {key: limit[key] for key in ("unique_from_c_mm", "unique_to_c_mm")})
     return rows
+
+
+# Figures
+
+STATES = {"tilt not known": "#ffffff", "saturated": "#cfcfcf", "blocked": "#8a8a8a"}
+"""What a place without a usable pose is, and its colour."""
+SIGNS = {"< 0": COLOURS[0], "both": "#F0E442", "> 0": COLOURS[1]}
+EQUAL = {"1": "#440154", "2": "#31688e", "3": "#35b779", "4 or more": "#fde725"}
+"""Numbers of poses with the same readings that the colours distinguish."""
+DECADES = 1e3
+"""Largest ratio of the ends of a colour scale: values near a fold grow without bound."""
+NONE = 0.01
+"""Share at which none is drawn on a logarithmic axis, %."""
+MAPS = {
+    "condition number": ("Condition number", {}),
+    "sign of det J": ("Sign of det J, of the readings by the shift", SIGNS | STATES),
+    "poses with equal readings": ("Poses with equal readings", EQUAL | STATES),
+    "noise (µm)": ("Noise of the decoded shift", {}),
+}
+"""Columns that are drawn as maps, with their titles, and colours of names."""
+
+
+def maps(coder: Decoder, box: Survey, room: float = 0.0) -> list[Figure]:
+    """Return condition number, sign of det J, multiplicity and noise over x and z: at y = 0, and the worst over y."""
+    import pandas as pd
+
+    from analytic import survey
+
+    x, _, z = (np.unique(axis) for axis in box.shift)
+    shift = np.stack(np.meshgrid(x, [0.0], z, indexing="ij")).reshape(3, -1)
+    plane = survey.at_poses(coder, shift, np.ones(shift.shape[1]), (len(x), 1, len(z)), clearance=room)
+    cells = pd.concat(
+        [_cells(plane).assign(panel="plane y = 0"), _cells(box).assign(panel="worst over all y")], ignore_index=True
+    )
+    axes = ("shift x (mm)", "shift z (mm)")
+    return [
+        heat(title, "", cells[[*axes, "panel", name]], axes, name, colours=colours)
+        for name, (title, colours) in MAPS.items()
+    ]
+
+
+def _cells(poses: Survey) -> pd.DataFrame:
+    """Return the worst values over y at each place of x and z; a place without a usable pose has its reason."""
+    import pandas as pd
+
+    counts, usable = poses.counts, poses.usable.reshape(poses.counts)
+
+    def worst(values: object, sign: int = 1) -> np.ndarray:
+        every = np.asarray(values, dtype=np.float64).reshape(counts)
+        return np.asarray(sign * np.where(usable, sign * every, -np.inf).max(axis=1))
+
+    known = poses.weight > 0
+    free, seen = (part.reshape(counts).any(axis=1) for part in (known & ~poses.blocked, known))
+    some, sign = usable.any(axis=1), worst(poses.sign)
+    place = np.where(some & (sign == worst(poses.sign, -1)), sign, 0.0).astype(int) + 1
+    unknown, saturated, blocked = STATES
+    state = np.where(free, saturated, np.where(seen, blocked, unknown))
+    equal = np.clip(np.where(some, worst(poses.multiplicity), 1), 1, len(EQUAL)).astype(int)
+    x, z = poses.shift[0].reshape(counts)[:, 0, 0], poses.shift[2].reshape(counts)[0, 0]
+    grid = np.meshgrid(np.round(x, 4), np.round(z, 4), indexing="ij")
+    table = {
+        "shift x (mm)": grid[0],
+        "shift z (mm)": grid[1],
+        "condition number": _limited(np.where(some, worst(poses.condition), np.nan)),
+        "sign of det J": np.where(some, np.take(list(SIGNS), place), state),
+        "poses with equal readings": np.where(some, np.take(list(EQUAL), equal - 1), state),
+        "noise (µm)": _limited(np.where(some, 1e3 * worst(poses.noise_mm), np.nan)),
+    }
+    return pd.DataFrame({name: values.ravel() for name, values in table.items()})
+
+
+def _limited(values: np.ndarray) -> np.ndarray:
+    known = values[np.isfinite(values) & (values > 0)]
+    return np.minimum(values, DECADES * known.min()) if len(known) else values
+
+
+def claim_figures(table: pd.DataFrame, c: float) -> list[Figure]:
+    """Return the ambiguous share of the workspace over c, of the rows of claim.csv, with the given c, mm, marked."""
+    import pandas as pd
+
+    x, y = "height c of S2 and S3 over S1 (mm)", "ambiguous poses (%)"
+    magnets = zip(numbers(table, "magnet_height_mm"), numbers(table, "l0_mm"), strict=True)
+    data = pd.DataFrame({
+        x: numbers(table, "c_mm"),
+        y: numbers(table, "alike_percent").clip(lower=NONE),
+        "panel": [f"magnet {height:g} mm high, l0 = {l0:g} mm" for height, l0 in magnets],
+        "series": texts(table, "readings"),
+    })  # fmt: skip
+    look = Look(log="y", columns=1, guides=(Guide("x", c, "the given layout"),))
+    return [plot("Ambiguous share of the workspace", f"{NONE:g} % stands for none.", data, x, y, look)]
