@@ -39,7 +39,7 @@ from geometry.design import BadInput, Design
 from geometry.loads import ANSWERED, Load, Magnet, Response, check_load
 from geometry.messages import Progress
 from studies.mechanics import timed_quantities
-from studies.mechanics.store import Outcome, Position, State, Store, position
+from studies.mechanics.store import Outcome, Position, State, position
 from studies.mechanics.timed_quantities import STILL, PlateMotion
 from studies.output.provenance import versions
 
@@ -108,8 +108,7 @@ def _canonical(scene: Scene, load: Load) -> tuple[Load, tuple[float, float]]:
         return replace(load, shear_x=0.0, shear_y=0.0, friction=friction), (1.0, 0.0)
     if load.plate_tilt or load.imperfection or scene.model == "full":
         return load, (1.0, 0.0)
-    direction = (load.shear_x / load.shear, load.shear_y / load.shear)
-    return replace(load, shear_x=load.shear, shear_y=0.0), direction
+    return replace(load, shear_x=load.shear, shear_y=0.0), unit_vector(load)
 
 
 def position_of(load: Load, D: float) -> Position:
@@ -133,10 +132,9 @@ def content(scene: Scene, kind: Kind = "states", motion: PlateMotion = STILL) ->
         pressed = {"depth": first["depth"], "density_ratio": float(f"{ratio:.12g}"), "count": MODES}
         return values | {"quantity": kind, "load": pressed, "physics": PHYSICS[kind]}
     kept = {name: first[name] for name in ("friction", "grip", "plate_tilt", "imperfection")}
-    sheared = load.shears_tip
     way = {
-        "sheared_at_depth": first["depth"] if sheared else None,
-        "direction": [round(part, 12) + 0.0 for part in unit_vector(load)] if sheared else None,
+        "sheared_at_depth": first["depth"] if load.shears_tip else None,
+        "direction": [round(part, 12) + 0.0 for part in unit_vector(load)] if load.shears_tip else None,
     }
     return values | {"quantity": kind, "load": kept | way, "physics": PHYSICS[scene.model]}
 
@@ -228,21 +226,6 @@ class Task:
     motion: PlateMotion = STILL
 
 
-def missing(
-    path: Place, wanted: Sequence[Position], store: Store, *, retry: bool
-) -> tuple[list[Position], list[Position]]:
-    """Return the positions of a path that are to be solved, in rising order, and those that are solved.
-
-    Parameters
-    ----------
-    retry : solve again the states whose process has died or has run out of memory.
-    """
-    states = store.states(path.content)
-    kept = {at for at, state in states.items() if not (retry and state.outcome == "transient")}
-    reached = [at for at, state in states.items() if state.outcome == "ok"]
-    return sorted(set(wanted) - kept), sorted(reached)
-
-
 def task(number: int, path: Place, positions: Sequence[Position], reached: Sequence[Position] = ()) -> Task:
     """Return the solve of some positions of a path, of which others have been `reached` before."""
     if path.kind != "states":
@@ -257,9 +240,7 @@ def _at(load: Load, at: Position, D: float) -> Load:
     # the same load to the last bit if it is the path's own
     if position(load.depth / D, 0.0)[0] == at[0]:
         depth = load.depth
-    if not load.shears_tip:
-        return replace(load, depth=depth)
-    if position_of(load, D)[1] == at[1]:
+    if not load.shears_tip or position_of(load, D)[1] == at[1]:
         return replace(load, depth=depth)
     x, y = unit_vector(load)
     return replace(load, depth=depth, shear_x=shear * x, shear_y=shear * y)
@@ -269,8 +250,7 @@ def solve_task(task: Task) -> list[State]:
     """Solve a task and return its states for the store."""
     if task.kind != "states":
         return [_single(task)]
-    scene = task.scene
-    D = scene.design.D
+    scene, D = task.scene, task.scene.design.D
 
     def followed(loads: Sequence[Load]) -> list[LoadOutcome]:
         return follow(scene.design, loads, scene.accuracy, scene.magnet, model=scene.model)
@@ -320,26 +300,15 @@ def follow(
 
     refused = [_refusal(design, load, magnet) for load in loads]
     possible = [load for load, reason in zip(loads, refused, strict=True) if not reason]
-    try:
-        states = (
-            equilibrium.trace(design, possible, accuracy, magnet=magnet, model=model, progress=progress)
-            if possible
-            else []
-        )
-        failed = LoadOutcome(None, states[-1].status, states[-1].message) if states else None
-    except SolveFailed as error:
-        states, failed = [], LoadOutcome(None, "not_converged", str(error))
-    remaining = iter(states)
-    outcomes = []
-    for reason in refused:
-        state = None if reason else next(remaining, None)
-        if reason or failed is None:
-            outcomes.append(LoadOutcome(None, "bad_input", reason))
-        elif state is None:
-            outcomes.append(failed)
-        else:
-            outcomes.append(LoadOutcome(state if state.status in ANSWERED else None, state.status, state.message))
-    return outcomes
+    states: list[Solution] = []
+    if possible:
+        try:
+            states = equilibrium.trace(design, possible, accuracy, magnet=magnet, model=model, progress=progress)
+            failed = LoadOutcome(None, states[-1].status, states[-1].message)
+        except SolveFailed as error:
+            failed = LoadOutcome(None, "not_converged", str(error))
+    reached = iter([LoadOutcome(one if one.status in ANSWERED else None, one.status, one.message) for one in states])
+    return [LoadOutcome(None, "bad_input", reason) if reason else next(reached, failed) for reason in refused]
 
 
 def _refusal(design: Design, load: Load, magnet: Magnet) -> str:
@@ -351,7 +320,6 @@ def _refusal(design: Design, load: Load, magnet: Magnet) -> str:
 
 
 def _smaller_steps(load: Load, solved: Sequence[Position], D: float) -> list[Load]:
-    """Return the nearest solved state below a failed one, and loads in small steps from there to the failed one."""
     end = position_of(load, D)
     along = 1 if load.shears_tip else 0
     start = max((at[along] for at in solved if at[along] < end[along]), default=0.0)
@@ -374,14 +342,13 @@ def _state(scene: Scene, load: Load, outcome: LoadOutcome) -> State:
         "message": outcome.message,
     }
     if solution is not None:
-        names = ("force", "shift", "tilt", "sideways")
-        values["estimates"] = {name: getattr(solution.estimates, name) for name in names}
-        values["values"] = {
-            name: getattr(solution.facts, name) for name in ("largest_strain", "sideways_stiffness_ratio")
+        parts = {
+            "estimates": (solution.estimates, ("force", "shift", "tilt", "sideways")),
+            "values": (solution.facts, ("largest_strain", "sideways_stiffness_ratio")),
         }
+        values |= {key: {name: getattr(of, name) for name in names} for key, (of, names) in parts.items()}
+    at, seconds = position_of(load, scene.design.D), 0.0 if solution is None else solution.seconds
     result: Outcome = "failed" if response is None else "ok"
-    seconds = 0.0 if solution is None else solution.seconds
-    at = position_of(load, scene.design.D)
     return State(*at, result, outcome.status, units_of(scene) | values, seconds, _origin())
 
 
@@ -396,33 +363,25 @@ def unsolved(task: Task, reason: str) -> list[State]:
     D = task.scene.design.D
     loads = task.scene.loads if task.kind == "states" else ()
     positions = [position_of(load, D) for load in loads] or [(0.0, 0.0)]
-    values = {"response": None, "error_estimate": None, "message": reason}
-    return [
-        State(*at, "transient", "worker_died", units_of(task.scene, task.kind) | values, 0.0, _origin())
-        for at in positions
-    ]
+    answer = units_of(task.scene, task.kind) | {"response": None, "error_estimate": None, "message": reason}
+    return [State(*at, "transient", "worker_died", answer, 0.0, _origin()) for at in positions]
 
 
 def _single(task: Task) -> State:
     begin = time.perf_counter()
-    solve = SINGLE[task.kind]
+    result: Outcome = "ok"
     try:
-        values = solve(task)
-        result: Outcome = "ok"
+        values = SINGLE[task.kind](task)
         status, message = values.pop("status"), values.pop("message")
     except SolveFailed as error:
         values, result, message = {}, "failed", str(error)
         status = "not_converged" if task.kind == "critical depth" else "failed"
-    answer = units_of(task.scene, task.kind) | {
-        "response": None,
-        "error_estimate": values.pop("error_estimate", None),
-    }
-    answer |= {"message": message, "values": values}
+    answer = {"response": None, "error_estimate": values.pop("error_estimate", None), "message": message}
+    answer |= units_of(task.scene, task.kind) | {"values": values}
     return State(0.0, 0.0, result, status, answer, time.perf_counter() - begin, _origin())
 
 
 def _critical(task: Task) -> dict[str, Any]:
-    """Return the critical depth of a frictionless press: lengths over D, force over E D^2."""
     from fem.analyses import stability
 
     design = task.scene.design
@@ -457,14 +416,14 @@ def frequency_unit(D: float, E: float, density: float) -> float:
 def answer(state: State) -> Answer:
     """Return the answer of a stored state."""
     values = state.answer
-    estimate = values["error_estimate"]
+    response, error = values["response"], values["error_estimate"]
     return Answer(
         D=values["D_mm"],
         E=values["E_MPa"],
-        response=None if values["response"] is None else Response.restored(values["response"]),
+        response=None if response is None else Response.restored(response),
         status=state.status,
         message=values["message"],
-        error_estimate=NAN if estimate is None else estimate,
+        error_estimate=NAN if error is None else error,
         seconds=state.seconds,
         estimates=values.get("estimates", {}),
         values=values.get("values", {}),

@@ -16,7 +16,7 @@ from fem.accuracy import LEVELS, Accuracy, coarser
 from fem.scene import Scene
 from geometry.compiled import cores
 from geometry.design import BadInput, Design
-from geometry.loads import ANSWERED, Load, Magnet
+from geometry.loads import ANSWERED, Load
 from geometry.messages import Progress
 from studies.inputs.study_input import needs_load
 from studies.mechanics import store as store_module
@@ -29,7 +29,6 @@ from studies.mechanics.path_solver import (
     Place,
     Task,
     answer,
-    missing,
     place,
     solve_task,
     task,
@@ -140,8 +139,12 @@ class Paths:
             if model.tolerance is not None and kind == "states":
                 choice = choose(problem.design, [problem.load], model.tolerance, problem.magnet)
                 if choice.model_kind != "fem":
-                    answer = _unsolved_answer(problem.design, problem.load, problem.magnet, choice)
-                    return Target("", formula=answer, choice=choice), None
+                    if choice.model_kind == "formula":
+                        response = beam.solve(problem.design, problem.load, choice.level_or_accuracy)
+                        found = Answer(problem.design.D, problem.design.E, response, "ok", "", choice.bound, 0.0)
+                    else:
+                        (found,) = surrogate_answers([problem])
+                    return Target("", formula=found, choice=choice), None
                 model = FemModel(model.name, LEVELS[choice.level_or_accuracy], model.model)
             scene = Scene(problem.design, (problem.load,), model.accuracy, problem.magnet, model.model)
             stored = place(scene, kind, problem.motion)
@@ -149,14 +152,6 @@ class Paths:
             return Target("", message=str(error)), None
         key = store_module.key(stored.content)
         return Target(key, stored.at, stored.direction, choice=choice), stored
-
-
-def _unsolved_answer(design: Design, load: Load, magnet: Magnet, choice: Choice) -> Answer:
-    if choice.model_kind == "formula":
-        response = beam.solve(design, load, choice.level_or_accuracy)
-        return Answer(design.D, design.E, response, "ok", "", choice.bound, 0.0)
-    (answer,) = surrogate_answers([Problem(design, load, magnet, "")])
-    return answer
 
 
 def surrogate_answers(problems: Sequence[Problem]) -> list[Answer]:
@@ -199,9 +194,11 @@ class Solves:
         self._answers: Recent[dict[Position, Answer]] = Recent()
         tasks = []
         for path in paths.values():
-            positions, solved = missing(path.place, list(path.wanted), store, retry=processes.retry_failed)
-            if positions:
-                tasks.append(task(path.number, path.place, positions, solved))
+            states, again = store.states(path.place.content), ("transient",) if processes.retry_failed else ()
+            reached = sorted(at for at, state in states.items() if state.outcome == "ok")
+            lacking = {at for at in path.wanted if at not in states or states[at].outcome in again}
+            if lacking:
+                tasks.append(task(path.number, path.place, sorted(lacking), reached))
         keys = list(paths)
         self._open = {keys[one.number - 1] for one in tasks}
         self._keys, self.count = keys, len(tasks)
@@ -220,16 +217,18 @@ class Solves:
         """Wait until a path is solved; the states of all tasks that finish until then go to the store."""
         try:
             while key in self._open:
-                self._take()
+                done = next(self._finished)
+                solved = self._keys[done.task.number - 1]
+                states = unsolved(done.task, done.reason) if done.answer is None else done.answer
+                self.store.add(self.paths[solved].place.content, states)
+                self._open.discard(solved)
         except KeyboardInterrupt:
-            raise KeyboardInterrupt(self._interruption_text()) from None
-
-    def _take(self) -> None:
-        done = next(self._finished)
-        key = self._keys[done.task.number - 1]
-        states = unsolved(done.task, done.reason) if done.answer is None else done.answer
-        self.store.add(self.paths[key].place.content, states)
-        self._open.discard(key)
+            count = self.count - len(self._open)
+            said = "nothing new is solved yet: the same command starts from the beginning"
+            if count:
+                file = self.store.file
+                said = f"{count} of {self.count} solves are kept in {file}; the same command continues from there"
+            raise KeyboardInterrupt(said) from None
 
     def answer(self, target: Target, problem: Problem) -> Answer:
         """Return the answer to a problem, for its own design."""
@@ -253,15 +252,7 @@ class Solves:
 
     def close(self) -> None:
         """Stop the workers."""
-        close = getattr(self._finished, "close", None)
-        if close is not None:
-            close()
-
-    def _interruption_text(self) -> str:
-        done = self.count - len(self._open)
-        if not done:
-            return "nothing new is solved yet: the same command starts from the beginning"
-        return f"{done} of {self.count} solves are kept in {self.store.file}; the same command continues from there"
+        self._finished.close()
 
 
 def cost(task: Task) -> float:

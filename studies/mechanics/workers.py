@@ -11,7 +11,7 @@ import contextlib
 import math
 import queue
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
@@ -59,7 +59,7 @@ def finished(
     scheduler: str | None = None,
     cost: Callable[[T], float] | None = None,
     progress: Progress | None = None,
-) -> Iterator[Finished[T, R]]:
+) -> Generator[Finished[T, R], None, None]:
     """Call a function of each task and yield each task as soon as it is finished, in any order.
 
     The tasks are started in the order given, and taken from the iterable in this thread. As many tasks as there are
@@ -96,7 +96,7 @@ def finished(
 
 def _finished(
     tasks: Iterable[T], function: Callable[[T], R], executor: Executor, report: Unfinished
-) -> Iterator[Finished[T, R]]:
+) -> Generator[Finished[T, R], None, None]:
     waiting = iter(enumerate(tasks))
     started: dict[Future[Answer], tuple[int, T]] = {}
     done: queue.SimpleQueue[Future[Answer]] = queue.SimpleQueue()
