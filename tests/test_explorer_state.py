@@ -82,7 +82,6 @@ def test_wrong_field_is_the_one_without_which_the_state_is_accepted():
         ({"state": {"load": {"depth": 1, "shear": 1, "direction": float("nan")}}}, "finite number of degrees"),
         ({"state": {"load": {"depth": 1, "frequency": -1}}}, "frequency must be 0 Hz or more"),
         ({"state": {"level": "fine"}}, "level must be one of quick, standard"),
-        ({"formula_level": "best"}, "level must be one of paper"),
     ],
 )
 def test_impossible_requests_are_refused(message, words):

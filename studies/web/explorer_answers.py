@@ -78,7 +78,7 @@ class Answers:
         if has_margins and level == "quick":
             yield "margins", level, self._margins(request)
         # what depends on the design alone is not sent in a coarse form again while only the load changes
-        shown = mechanics(state.design), state.magnet, state.formula_level, sensor_of(request) is None
+        shown = mechanics(state.design), state.magnet, sensor_of(request) is None
         if level == state.level or self._design.get(request.side) != shown:
             if "curve" in parts:
                 yield "curve", level, self._curve(request, level)
@@ -133,7 +133,7 @@ class Answers:
         key = ("curve", mechanics(design), magnet, level, estimate)
         data = self._kept.get(key, lambda: state_answers.curve(design, magnet, level, estimate=estimate))
         data = data if made is None else state_answers.curve_of_made_sensor(data, design, made)
-        return state_answers.with_formulas(data, design, state.formula_level)
+        return state_answers.with_formulas(data, design)
 
     def _stability(self, state: ExplorerState, level: str) -> Iterator[Answer]:
         """Yield the stability by the surrogate, and by finite elements at the level of the state."""

@@ -4,7 +4,7 @@ It is checked as on the command line.
 
 A request is the JSON object that the page sends:
 
-    {"number": 7, "side": "a", "formula_level": "finite", "parts": ["state", "curve"],
+    {"number": 7, "side": "a", "parts": ["state", "curve"],
      "state": {"design": {"D": 10}, "load": {"depth": 1, "shear": 0.5, "direction": 90, "friction": "stick",
                "plate_tilt": 0}, "magnet": "rigid", "level": "standard"}}
 
@@ -59,7 +59,6 @@ class ExplorerState:
     ----------
     motion : the load as the options of `magtip solve`.
     level : accuracy to which a state is refined.
-    formula_level : level of the formulas beside the finite elements.
     frequency, speed : of small vibrations, Hz, and of loading cycles, mm/s; 0: none.
     """
 
@@ -68,7 +67,6 @@ class ExplorerState:
     motion: Motion
     magnet: Magnet
     level: Level = "standard"
-    formula_level: str = "paper"
     frequency: float = 0.0
     speed: float = 0.0
 
@@ -111,13 +109,12 @@ def request_of(message: object) -> Request:
     parts = message.get("parts", ["state"])
     if not isinstance(parts, list) or not all(part in PARTS for part in parts):
         raise BadInput(f"parts must be a list of {', '.join(PARTS)}; got {parts!r:.60}")
-    state = state_of(_table("state", message.get("state", {})), message.get("formula_level"))
+    state = state_of(_table("state", message.get("state", {})))
     return Request(number, cast(Side, side), state, tuple(parts))
 
 
-def state_of(content: Mapping[str, Any], formula_level: object = None) -> ExplorerState:
+def state_of(content: Mapping[str, Any]) -> ExplorerState:
     """Return the state in a request, checked as `magtip solve` checks it."""
-    from analytic.beam import LEVELS as FORMULAS
     from fem.scene import Scene
 
     magnet = cast(Magnet, content.get("magnet") or "rigid")
@@ -126,9 +123,6 @@ def state_of(content: Mapping[str, Any], formula_level: object = None) -> Explor
     level = cast(Level, content.get("level") or "standard")
     if level not in LEVELS:
         raise BadInput(f"level must be one of {', '.join(LEVELS)}; got {level!r:.60}")
-    formulas = formula_level or "paper"
-    if formulas not in FORMULAS:
-        raise BadInput(f"level must be one of {', '.join(FORMULAS)}; got {formulas!r:.60}")
     values = _table("design", content.get("design") or {})
     user_input.check_keys("design", values, user_input.FIELDS)
     # a text in a field of numbers is read like --set, which refuses it in the same words
@@ -145,7 +139,7 @@ def state_of(content: Mapping[str, Any], formula_level: object = None) -> Explor
         # nothing slides before a shear: such a press is that of a plate without friction, and is kept as that
         load = dataclasses.replace(load, friction="none")
     Scene(design, (load,), magnet=magnet)
-    return ExplorerState(design, load, motion, magnet, level, str(formulas), *rates)
+    return ExplorerState(design, load, motion, magnet, level, *rates)
 
 
 def motion_of(values: Mapping[str, Any]) -> Motion:

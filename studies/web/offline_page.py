@@ -1,41 +1,53 @@
 """The explorer's page as one HTML file without a server, for one design: what `magtip explore --export` writes.
 
 The page is the server's: its scripts and styles are inlined as classic scripts, in their order, with
-`offline_engine.js` in place of `live_engine.js`. The design is fixed; depth, shear and direction move between states
-that are solved while the page is written (`offline_tables`), and all numbers are computed then. A
+`offline_engine.js` in place of `live_engine.js`. The design is fixed; depth, shear and direction move between stops,
+whose states are solved while the page is written. It keeps the answers of the live page to each of them, as gzip, and
+computes nothing: a state sheared along x answers for all directions, in which its response is turned. A
 Content-Security-Policy in the page forbids every request.
 """
 
 from __future__ import annotations
 
+import base64
+import gzip
 import html
+import json
 import re
 from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from analytic import beam
-from fem.accuracy import LEVELS
-from geometry.design import Design
-from geometry.loads import Magnet
+from fem.accuracy import LEVELS, Accuracy
+from fem.equilibrium import trace
+from geometry.design import BadInput, Design
+from geometry.loads import ANSWERED, Load, Magnet
 from geometry.messages import Progress
 from studies.inputs import user_input
+from studies.inputs.option_groups import Motion
 from studies.output import atomic_files
 from studies.output.page_templates import rendered
-from studies.web import offline_tables, state_answers, state_exports, state_pictures
-from studies.web.explorer_state import RATES, Level, explorer_fields
-from studies.web.offline_tables import Grid
-from studies.web.page_content import as_json
+from studies.web import state_answers, state_exports, state_pictures
+from studies.web.explorer_state import RATES, ExplorerState, Level, components, explorer_fields
+from studies.web.page_content import as_json, packed
+
+if TYPE_CHECKING:
+    from fem.solution import Solution
 
 PAGE = Path(__file__).parent / "page"
 """Files of the page."""
 INDEX, LIVE = "index.html", "page/live_engine.js"
 LEVEL: Level = "standard"
 """Accuracy of the page's finite elements: that of the verbs."""
-SOLVING = 0.75
-"""Share of the time that the finite elements take."""
+DEEPEST, FARTHEST = 0.375, 0.375
+"""Largest depth and shear over D, less where the silicone on the axis ends before."""
+DEPTHS, SHEARS, DIRECTIONS = 15, 6, 24
+"""Stops of depth and shear above 0, about: their steps are round; and directions of a full turn."""
+SECTORS = 12
+"""Sectors of half a turn of the sensor in 3D: half of those of the live page, for the size of the file."""
 POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
 """Nothing is loaded from, or sent to, any address."""
 STYLE = "#about-model { padding: 6px 16px; font-size: 13px } #about-model p { margin: 4px 0 0 }"
@@ -44,13 +56,37 @@ HIDDEN = (
     "#margins-panel { display: none }"
 )
 """Controls and panels that need a server."""
-MOVED = ("depth", "shear", "direction")
-"""Fields that move on the page; every other one is fixed."""
 
 Data = dict[str, Any]
 
 
-def write(design: Design, path: Path, progress: Progress | None = None) -> Path:
+@dataclass(frozen=True, slots=True)
+class Stops:
+    """Depths and shears, mm, both from 0, and directions, degrees, at which the page has states."""
+
+    depth: list[float]
+    shear: list[float]
+    direction: list[float]
+
+
+def stops_of(design: Design, magnet: Magnet) -> Stops:
+    """Return the stops of a design.
+
+    >>> stops = stops_of(Design(), "rigid")
+    >>> stops.depth[1], stops.depth[-1], stops.shear[1], stops.shear[-1], stops.direction[1]
+    (0.2, 3.0, 0.5, 3.0, 15.0)
+    """
+    room = 0.9 * (design.L - (design.magnet_height if magnet == "rigid" else 0.0))
+
+    def even(end: float, count: int) -> list[float]:
+        step = float(f"{end / count:.1g}")
+        return [round(step * k, 9) for k in range(int(end / step + 1e-9) + 1)]
+
+    turns = [360.0 * k / DIRECTIONS for k in range(DIRECTIONS)]
+    return Stops(even(min(DEEPEST * design.D, room), DEPTHS), even(FARTHEST * design.D, SHEARS), turns)
+
+
+def write(design: Design, path: Path, progress: Progress = lambda *_: None) -> Path:
     """Solve for the states of a design and write its page; return its path.
 
     Raises
@@ -58,16 +94,10 @@ def write(design: Design, path: Path, progress: Progress | None = None) -> Path:
     BadInput
         No press of the design could be solved.
     """
-
-    def solving(share: float, text: str) -> None:
-        if progress is not None:
-            progress(SOLVING * share, text)
-
     magnet = magnet_of(design)
-    grid = offline_tables.solve(design, magnet, LEVELS[LEVEL], solving)
-    if progress is not None:
-        progress(SOLVING, "readings, formulas, curve and stability")
-    atomic_files.write_text(path, page(grid, magnet))
+    stops = stops_of(design, magnet)
+    states = answers(design, magnet, stops, LEVELS[LEVEL], progress)
+    atomic_files.write_text(path, page(design, stops, states))
     return path
 
 
@@ -76,9 +106,102 @@ def magnet_of(design: Design) -> Magnet:
     return "rigid" if design.shape.has_magnet else "ignored"
 
 
-def page(grid: Grid, magnet: Magnet) -> str:
+def answers(
+    design: Design, magnet: Magnet, stops: Stops, accuracy: Accuracy, progress: Progress = lambda *_: None
+) -> list[list[Data]]:
+    """Return the answers of the live page to each depth and shear, in all directions."""
+
+    def path(loads: list[Load]) -> list[Solution]:
+        return trace(design, loads, accuracy, magnet=magnet, estimate=True)
+
+    presses = path([Load(depth) for depth in stops.depth])
+    if sum(state.status in ANSWERED for state in presses) < 2:
+        raise BadInput("no press of this design could be solved: the page needs its states")
+    decoder, rows = state_answers.build_decoder(design), []
+    for k, (depth, press) in enumerate(zip(stops.depth, presses, strict=False)):
+        progress(sum(stops.depth[: k + 1]) / sum(stops.depth), f"finite elements at depth {depth:.3g} mm")
+        shears = [Load(depth, shear, friction="stick") for shear in stops.shear[1:]]
+        states = [press, *(path(shears) if shears and depth and press.status in ANSWERED else [])]
+        turns = [stops.direction[:1], *[stops.direction] * len(shears)]
+        row = [
+            answer(design, magnet, state, some, decoder)
+            if state.status in ANSWERED
+            else {"error": f"{state.message or state.status}: this page has no state of this load"}
+            for state, some in zip(states, turns, strict=False)
+        ]
+        rows.append(row + [row[-1] if "error" in row[-1] else {"error": BEYOND}] * (len(turns) - len(row)))
+    return rows
+
+
+BEYOND = "this page has no state of this load: take magtip explore for it"
+
+
+def answer(
+    design: Design, magnet: Magnet, solution: Solution, directions: list[float], decoder: Any
+) -> dict[str, Any]:
+    """Return pictures of a state that is sheared along x, and its numbers, texts and files in each direction."""
+    numbers = []
+    for direction in directions:
+        turned = in_direction(solution, direction)
+        load = turned.load
+        motion = Motion(depth=load.depth, shear=load.shear_x or None, shear_y=load.shear_y or None)
+        state = ExplorerState(design, load, motion, magnet, LEVEL)
+        numbers.append(
+            {
+                "state": state_answers.numbers(state, turned, decoder),
+                "commands": state_exports.commands(state),
+                "state.csv": state_exports.of_solution("state.csv", state, turned).decode(),
+            }
+        )
+    sensor = state_pictures.surface(solution, SECTORS)
+    # the page makes the front of the back, and the cut face of the section
+    sensor["parts"] = {name: part for name, part in sensor["parts"].items() if name in ("back", "magnet")}
+    return {
+        "section": state_pictures.section(design, solution, magnet),
+        "sensor3d": sensor,
+        "field_lines": state_pictures.field_lines(design, solution),
+        "directions": numbers,
+    }
+
+
+def in_direction(solution: Solution, direction: float) -> Solution:
+    """Return a solution sheared along x with load and response of the same shear in a direction, degrees."""
+    response, (c, s) = solution.response, components(1.0, direction)
+    x, y = components(solution.load.shear_x, direction)
+    (fx, fy, fz), (ux, uy, uz) = response.force, response.shift
+    turned = replace(
+        response,
+        force=(c * fx - s * fy, s * fx + c * fy, fz),
+        shift=(c * ux - s * uy, s * ux + c * uy, uz),
+        tilt=c * response.tilt,
+        tilt_y=s * response.tilt,
+    )
+    return replace(solution, load=replace(solution.load, shear_x=x, shear_y=y), response=turned)
+
+
+def page(design: Design, stops: Stops, states: list[list[Data]]) -> str:
     """Return the page of a design whose states are solved."""
-    content, about = _content(grid, magnet)
+    magnet = magnet_of(design)
+    curve = state_answers.with_formulas(state_answers.curve(design, magnet, LEVEL, estimate=True), design)
+    changed = [f"{k} {v}" for k, v in state_exports.address_fields(design).items() if k not in ("preset", "depth")]
+    sensor = f"the paper's sensor{' with ' if changed else ''}{', '.join(changed)}"
+    content: Data = {
+        "fields": _fields(design, stops),
+        "sensor": sensor,
+        "stops": {"depth": stops.depth, "shear": stops.shear, "direction": stops.direction},
+        "states": states,
+        "curve": curve,
+        "stability": state_answers.by_finite_elements(design, magnet, LEVEL),
+        "files": {
+            "design.toml": user_input.design_text(design),
+            "curve.csv": state_exports.of_curve(curve).decode(),
+        },
+    }
+    known = sum("error" not in one for row in states for one in row[1:])
+    about = rendered(
+        PAGE / "fixed_design.html.j2", sensor=html.escape(sensor), level=LEVEL, stops=stops, presses=len(states) - 1,
+        sheared=known,
+    )  # fmt: skip
     text = (PAGE / INDEX).read_text(encoding="utf-8")
     text = text.replace("<head>", f'<head>\n<meta http-equiv="Content-Security-Policy" content="{POLICY}">', 1)
     text = text.replace("</head>", f"<style>{STYLE} {HIDDEN}</style>\n</head>", 1)
@@ -88,46 +211,13 @@ def page(grid: Grid, magnet: Magnet) -> str:
     return re.sub(r'<script src="([^"]+)"></script>', lambda script: _scripts(script[1], content), text)
 
 
-def _content(grid: Grid, magnet: Magnet) -> tuple[Data, str]:
-    """Return everything that the page's engine reads, and what the page says of itself, as HTML."""
-    design = grid.design
-    response, errors = offline_tables.response(grid)
-    curve = state_answers.curve(design, magnet, LEVEL, estimate=True)
-    curves = {level: state_answers.with_formulas(curve, design, level) for level in beam.LEVELS}
-    sensor, elements = _sensor(design), offline_tables.elements(design)
-    content: Data = {
-        "fields": _fields(grid),
-        "sensor": sensor,
-        "model": "finite elements",
-        "level": LEVEL,
-        "fixed": {"D": design.D, "L": design.L, "H": design.H, "elements": state_pictures.element_places(design)},
-        "plane": offline_tables.plane(grid, response).data(),
-        "elements": elements,
-        "pictures": offline_tables.pictures(grid, magnet),
-        "stability": state_answers.by_finite_elements(design, magnet, LEVEL),
-        "curves": curves,
-        "commands": state_exports.without_load(design, magnet, LEVEL),
-        "files": {"design.toml": user_input.design_text(design)},
-        "curve_files": {level: state_exports.of_curve(one).decode() for level, one in curves.items()},
-        "refusal": _words("refusal", grid),
+def _fields(design: Design, stops: Stops) -> list[Data]:
+    ends = {
+        "depth": stops.depth,
+        "shear": [-stops.shear[-1], *stops.shear],
+        "direction": [-180.0, *(180.0 - turn for turn in stops.direction)],
     }
-    volts = ""
-    if elements is not None and "rest" in elements:
-        readings, reading_errors = offline_tables.readings(grid)
-        decoded, decoding_errors = offline_tables.decoded(grid, response, reading_errors)
-        volts = f", a reading by {_figure(reading_errors.max())} {elements['units'][0]}"
-        if np.isfinite(decoding_errors).any():
-            volts += f", the decoded force by {_figure(np.nanmax(decoding_errors))} N"
-        content |= {"readings": readings.data(), "decoded": decoded.data()}
-    tangential, _, normal, shift, _, sinking, tilt = map(_figure, np.nanmax(errors, axis=0))
-    off: Data = {"tangential": tangential, "normal": normal, "shift": shift, "sinking": sinking, "tilt": tilt}
-    return content, _words("about", grid, sensor=html.escape(sensor), volts=html.escape(volts), **off)
-
-
-def _fields(grid: Grid) -> list[Data]:
-    design, D = grid.design, grid.design.D
-    depth, shear = grid.roots[-1] ** 2 * D, float(grid.shears[-1])
-    ends = {"depth": (0.0, _rounded(depth)), "shear": (-shear, shear)}
+    first = state_exports.first_depth(design)
     fields = []
     for field in explorer_fields(design):
         name = field["name"]
@@ -135,38 +225,35 @@ def _fields(grid: Grid) -> list[Data]:
         if name in RATES:
             continue
         if name in ends:
-            low, high = ends[name]
-            field |= {"low": low, "high": high, "slider": [low, high]}
+            low, high = min(ends[name]), max(ends[name])
+            step = abs(ends[name][-1] - ends[name][-2])
+            field |= {"low": low, "high": high, "slider": [low, high], "step": step, "stops": True}
         if name == "depth":
-            field["value"] = min(state_exports.first_depth(design), ends["depth"][1])
+            field["value"] = min(stops.depth[1:], key=lambda depth: abs(depth - first))
         if name == "magnet":
             field["value"] = magnet_of(design)
-        fields.append(field | {"fixed": name not in MOVED})
+        fields.append(field | {"fixed": name not in ends})
     return fields
 
 
-def _rounded(depth: float) -> float:
-    return float(np.floor(100 * depth + 1e-6) / 100)
+def compressed(content: Mapping[str, Any]) -> str:
+    """Return a content as gzip in base64; equal arrays stand in it once, with 16 bits for a number."""
+    places: dict[str, int] = {}
+
+    def placed(array: Any) -> dict[str, int]:
+        return {"array": places.setdefault(json.dumps(_short(array)), len(places))}
+
+    rest = as_json(content, placed)
+    text = f'{{"arrays":[{",".join(places)}],{rest[1:]}'
+    return base64.b64encode(gzip.compress(text.encode(), mtime=0)).decode("ascii")
 
 
-def _sensor(design: Design) -> str:
-    changed = state_exports.address_fields(design)
-    texts = [f"{name} {value}" for name, value in changed.items() if name not in ("preset", "depth")]
-    return f"the paper's sensor{' with ' if texts else ''}{', '.join(texts)}"
-
-
-def _words(part: str, grid: Grid, **more: Any) -> str:
-    """Return a part of what the page says of itself: its `refusal` of a load, or `about`, as HTML."""
-    lowest = grid.roots[np.flatnonzero(np.isfinite(grid.rows[:, 1, 0]))][:1] ** 2 * grid.design.D
-    presses = sum(not shear for _, shear, _ in grid.states)
-    values: Data = {"part": part, "level": LEVEL, "lowest": lowest.tolist(), "presses": presses}
-    values |= {"sheared": len(grid.states) - presses, "checks": len(grid.checks)}
-    values |= {"deepest": grid.roots[-1] ** 2 * grid.design.D, "farthest": grid.shears[-1]}
-    return " ".join(rendered(PAGE / "fixed_design.html.j2", **values, **more).split())
-
-
-def _figure(value: float) -> str:
-    return f"{value:.2g}"
+def _short(array: Any) -> dict[str, Any]:
+    if array.dtype.kind in "iu":
+        return packed(array)
+    scale = float(np.abs(array).max(initial=0.0)) / 32767 or 1.0
+    numbers = np.round(array / scale).astype("<i2")
+    return {"int16": base64.b64encode(numbers.tobytes()).decode("ascii"), "scale": scale}
 
 
 def _style(name: str) -> str:
@@ -177,7 +264,7 @@ def _scripts(name: str, content: Mapping[str, Any]) -> str:
     """Return a script of the page inline; for the live engine, the data and the engine that replaces it."""
     if name != LIVE:
         return _script((PAGE.parent / name).read_text(encoding="utf-8"))
-    data = f"window.MAGTIP_OFFLINE = {as_json(content)};"
+    data = f'window.MAGTIP_OFFLINE = "{compressed(content)}";'
     return f"{_script(data)}\n{_script((PAGE / 'offline_engine.js').read_text(encoding='utf-8'))}"
 
 

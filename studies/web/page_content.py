@@ -10,7 +10,7 @@ import base64
 import io
 import json
 import re
-from collections.abc import Mapping, MutableSet
+from collections.abc import Callable, Mapping, MutableSet
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -23,16 +23,17 @@ if TYPE_CHECKING:
     from studies.web.folder_contents import Contents
 
 
-def as_json(message: Any) -> str:
-    """Return a message as JSON; numbers that are not finite become null, and arrays are packed."""
+def as_json(message: Any, array: Callable[[Any], Any] | None = None) -> str:
+    """Return a message as JSON; numbers that are not finite become null, and arrays what `array` makes of them."""
+    array = array or packed
     try:
-        return json.dumps(message, allow_nan=False, separators=(",", ":"), default=packed)
+        return json.dumps(message, allow_nan=False, separators=(",", ":"), default=array)
     except ValueError:
-        return json.dumps(_finite(message), separators=(",", ":"), default=packed)
+        return json.dumps(_finite(message), separators=(",", ":"), default=array)
 
 
 def packed(array: Any) -> dict[str, str]:
-    """Return an array as `Format.decoded` in the page reads it: digits would take 20 times as long.
+    """Return an array as `Format.unpacked` in the page reads it: digits would take 20 times as long.
 
     >>> packed(np.array([1.0, 0.5])), packed(np.array([1, 2]))
     ({'float32': 'AACAPwAAAD8='}, {'uint16': 'AQACAA=='})

@@ -63,22 +63,27 @@ def answer(
     made : calibrated sensor of this design, whose force, readings and decoded load these are.
     other : whether the page was started with the calibration of another design.
     """
+    picture = {"section": section(state.design, solution, state.magnet)}
+    data = picture | numbers(state, solution, decoder, NOT_CALIBRATED if other else "")
+    return data if made is None else data | _of_made_sensor(data, state.design, solution.response, made)
+
+
+def numbers(state: ExplorerState, solution: Solution, decoder: Decoder | None, calibration: str = "") -> Data:
+    """Return the data of the part `state` without its section."""
     widths = half_widths(solution)
-    data = {
-        "calibration": NOT_CALIBRATED if other else "",
+    return {
+        "calibration": calibration,
         "status": solution.status,
         "message": solution.message,
         "load": {"depth": solution.load.depth, "shear": list(solution.load.imposed_shear)},
         "response": response_data(solution.response),
         "estimates": widths,
-        "section": section(state.design, solution, state.magnet),
         "seconds": solution.seconds,
         "readings": readings(state.design, solution.response, widths),
         "decoded": None if decoder is None else decoded(decoder, solution.response, widths),
         "rate": rate(state.design, state.frequency),
-        "formula_level": {"level": state.formula_level, **formula(state.design, state.load, state.formula_level)},
+        "formulas": {level: formula(state.design, state.load, level) for level in beam.LEVELS},
     }
-    return data if made is None else data | _of_made_sensor(data, state.design, solution.response, made)
 
 
 def response_of_made_sensor(response: Response, design: Design, made: Fit) -> tuple[Response, Data]:
@@ -325,17 +330,13 @@ def curve(design: Design, magnet: Magnet, level: str, *, estimate: bool) -> Data
     }
 
 
-def with_formulas(data: Data, design: Design, level: str) -> Data:
-    """Return a curve with the paper's formulas and those of a level at its depths; None beyond their range."""
-    return data | {
-        "paper": _formula(design, data["depth"], "paper"),
-        "level": {"name": level, **_formula(design, data["depth"], level)},
-    }
-
-
-def _formula(design: Design, depths: list[float], level: str) -> Data:
-    answers = [formula(design, Load(depth=depth), level) for depth in depths]
-    return {name: [one[name] and one[name][2] for one in answers] for name in ("force", "shift")}
+def with_formulas(data: Data, design: Design) -> Data:
+    """Return a curve with the formulas of all levels at its depths; None beyond their range."""
+    formulas: Data = {}
+    for level in beam.LEVELS:
+        answers = [formula(design, Load(depth=depth), level) for depth in data["depth"]]
+        formulas[level] = {name: [one[name] and one[name][2] for one in answers] for name in ("force", "shift")}
+    return data | {"formulas": formulas}
 
 
 def by_surrogate(design: Design, magnet: Magnet) -> Data | None:

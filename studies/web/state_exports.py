@@ -19,11 +19,10 @@ from typing import TYPE_CHECKING, Any
 from analytic import buckling
 from geometry import design_digest
 from geometry.design import BadInput, Design
-from geometry.loads import Load, Magnet
-from studies.inputs.option_groups import Motion
+from geometry.loads import Load
 from studies.inputs.user_input import changed_fields
 from studies.mechanics.worker_process import WorkerDied, processes
-from studies.web.explorer_state import OPENING_DEPTH, ExplorerState, Level, plain
+from studies.web.explorer_state import OPENING_DEPTH, ExplorerState, plain
 
 if TYPE_CHECKING:
     from fem.solution import Solution
@@ -56,12 +55,6 @@ def shell(state: ExplorerState) -> str:
     ['magtip response paper --depth 1 --frequencies 1:600', 'magtip cycle paper --depth 1 --speed 2']
     """
     return "\n".join([_solve_line(state), *_rate_lines(state)])
-
-
-def without_load(design: Design, magnet: Magnet, level: Level) -> dict[str, str]:
-    """Return both texts for a design without load, in which the page without a server puts options and `Load()`."""
-    state = ExplorerState(design, Load(), Motion(depth=0.0), magnet, level)
-    return {"shell": line("solve", state, {}), "python": python(state)}
 
 
 def _rate_lines(state: ExplorerState) -> list[str]:
@@ -257,20 +250,17 @@ def of_solution(name: str, state: ExplorerState, solution: Solution, made: Fit |
 
 def of_curve(data: Mapping[str, Any]) -> bytes:
     """Return the curve as a table."""
-    widths, paper, level = data["estimates"], data["paper"], data["level"]
+    widths = data["estimates"]
     columns = {
         "depth_mm": data["depth"],
         "force_N": data["force"],
         "force_half_width_N": widths["force"],
         "shift_mm": data["shift"],
         "shift_half_width_mm": widths["shift"],
-        "paper_force_N": paper["force"],
-        "paper_shift_mm": paper["shift"],
-        f"{level['name']}_force_N": level["force"],
-        f"{level['name']}_shift_mm": level["shift"],
-        "status": data["status"],
     }
-    return _csv(columns)
+    for level, one in data["formulas"].items():
+        columns |= {f"{level}_force_N": one["force"], f"{level}_shift_mm": one["shift"]}
+    return _csv(columns | {"status": data["status"]})
 
 
 def _csv(columns: Mapping[str, Any]) -> bytes:

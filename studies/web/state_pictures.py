@@ -175,27 +175,26 @@ def _shape_slopes() -> Array:
 SECTORS = 24
 """Sectors of half a turn."""
 COARSE_DIGITS = 3
-"""Decimals of the coordinates of skin and field lines, mm."""
+"""Decimals of the coordinates of the skin, mm."""
 
 Part = tuple[Array, Array, Ints]
 """Undeformed points (n, 3), displacements (n, 3), mm, and triangles (m, 3)."""
 
 
-def surface(solution: Solution) -> dict[str, Any]:
-    """Return the part `sensor3d`: parts with deformed points, displacements and triangles, and the largest one."""
+def surface(solution: Solution, sectors: int = SECTORS) -> dict[str, Any]:
+    """Return the part `sensor3d`: parts of a body sheared along x, and the angle by which the page turns it, rad."""
     field, (c, s) = solution.field, plane_of(solution)
-    rotation = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
 
     def displacement(nodes: Ints, turn: Array) -> Array:
         return _displacement(field, nodes, turn)
 
     nodes = np.asarray(field.mesh.dofs.element_dofs).T
-    parts = revolved(field.mesh.doflocs, nodes, displacement, symmetric=not field.angles.sines)
-    return surface_data({name: (rest @ rotation, u @ rotation, few) for name, (rest, u, few) in parts.items()})
+    parts = revolved(field.mesh.doflocs, nodes, displacement, symmetric=not field.angles.sines, sectors=sectors)
+    return surface_data(parts) | {"turn": math.atan2(s, c)}
 
 
 def surface_data(parts: dict[str, Part]) -> dict[str, Any]:
-    """Return parts as the pages take them: "front" (y <= 0), "back" (y >= 0), "cut" and "magnet"."""
+    """Return parts as the pages take them, with deformed points, displacements and triangles, and the largest one."""
     data = {
         name: {
             "points": np.round(rest + u, COARSE_DIGITS).ravel(),
@@ -208,9 +207,14 @@ def surface_data(parts: dict[str, Part]) -> dict[str, Any]:
 
 
 def revolved(
-    points: Array, nodes: Ints, displacement: Callable[[Ints, Array], Array], *, symmetric: bool
+    points: Array,
+    nodes: Ints,
+    displacement: Callable[[Ints, Array], Array],
+    *,
+    symmetric: bool,
+    sectors: int = SECTORS,
 ) -> dict[str, Part]:
-    """Return the parts of the body whose section is given.
+    """Return the parts of the body whose section is given: "front" (y <= 0), "back" (y >= 0), "cut" and "magnet".
 
     Parameters
     ----------
@@ -220,7 +224,7 @@ def revolved(
     symmetric : whether the halves are mirror images.
     """
     skin, pocket = _outline(points[0], nodes)
-    turn = np.linspace(0, math.pi, SECTORS + 1)
+    turn = np.linspace(0, math.pi, sectors + 1)
 
     def halves(edges: Ints) -> tuple[Part, Part]:
         back = _swept(points, edges, turn, displacement)
@@ -307,22 +311,15 @@ LEAST = 1e-3
 """Least distance of points that are kept, over the size of the grid."""
 
 
-def field_lines(design: Design, solution: Solution) -> dict[str, list[list[list[float]]]]:
-    """Return lines of points (x, z) in the plane of the shear, mm; none without a magnet."""
-    if not design.shape.has_magnet:
-        return {"lines": []}
+def field_lines(design: Design, solution: Solution) -> dict[str, Any]:
+    """Return lines of points (x, z) of the magnet, and its centre, mm, and tilt in the plane of the shear, rad."""
     radius, half = design.magnet_diameter / 2, design.magnet_height / 2
+    lines = _unit_lines(half / radius) if design.shape.has_magnet else ()
     response, (c, s) = solution.response, plane_of(solution)
     along = c * response.shift[0] + s * response.shift[1]
     tilt = c * response.tilt + s * response.tilt_y
-    turn = np.array([[math.cos(tilt), math.sin(tilt)], [-math.sin(tilt), math.cos(tilt)]])
-    centre = np.array([along, response.shift[2] + design.H])
-    lines = []
-    for line in _unit_lines(half / radius):
-        for side in (1.0, -1.0):
-            local = radius * line * [side, 1.0]
-            lines.append(np.round(local @ turn.T + centre, COARSE_DIGITS).tolist())
-    return {"lines": lines}
+    sides = [radius * line * [side, 1.0] for line in lines for side in (1.0, -1.0)]
+    return {"lines": sides, "centre": [along, response.shift[2] + design.H], "tilt": tilt}
 
 
 @functools.lru_cache(maxsize=16)

@@ -15,7 +15,7 @@ const Explorer = (() => {
     edit: ["a", "b"],
     cut: ["open", "whole"],
   };
-  const ASKED = ["level", "lines", "formula"];
+  const ASKED = ["level", "lines"];
   const VIEW = Object.fromEntries(Object.entries(VIEWS).map(([key, [first]]) => [key, first]));
   const inAddress = (key) => (key === "level" ? key : `view.${key}`);
   const EVERYTHING = ["layout", "controls", ...Requests.PARTS];
@@ -44,8 +44,17 @@ const Explorer = (() => {
 
   // ---- values
 
+  // Of a fixed design there are states at the stops of the sliders only.
+  function stopped(name, value) {
+    const { stops, low, high, step } = fields.find((one) => one.name === name);
+    if (!stops) return value;
+    return Number((Math.round(Math.max(low, Math.min(high, value)) / step) * step).toPrecision(9));
+  }
+
   function set(side, name, next, done = true) {
-    if (!sides[side] || (sides[side][name] === next && !done)) return;
+    if (!sides[side]) return;
+    next = stopped(name, next);
+    if (sides[side][name] === next && !done) return;
     if (sides[side][name] !== next) {
       sides[side][name] = next;
       requests.change(side);
@@ -75,7 +84,7 @@ const Explorer = (() => {
       );
     const changed = Object.fromEntries(changes(side).map((field) => [field.name, values[field.name]]));
     const state = { design: changed, load: pick("load"), magnet: values.magnet, level: view.level };
-    return { state, formula_level: view.formula, parts: parts() };
+    return { state, parts: parts() };
   }
 
   // ---- address and history
@@ -109,7 +118,8 @@ const Explorer = (() => {
       else if (!field || field.fixed) unknown.push(key);
       else if (field.choices && field.choices.includes(text) && text !== "coefficient") read[side][name] = text;
       else if (field.kind === "text") read[side][name] = text;
-      else if (field.kind !== "choice" && text !== "" && isFinite(text)) read[side][name] = Number(text);
+      else if (field.kind !== "choice" && text !== "" && isFinite(text))
+        read[side][name] = stopped(name, Number(text));
       else unknown.push(`${key}=${text}`);
     }
     Object.assign(sides, read);
@@ -253,7 +263,7 @@ const Explorer = (() => {
           .map((field) => `${field.name} ${sides[one][field.name]} ${field.unit}`.trim())
           .join(", "),
       )
-      .map((text) => engine.sensor || (text ? `the paper's sensor with ${text}` : "the paper's sensor"));
+      .map((text) => engine.sensor?.() || (text ? `the paper's sensor with ${text}` : "the paper's sensor"));
     Format.put($("#sensor-name"), sides.b ? `A: ${names[0]} · B: ${names[1]}` : names[0]);
   }
 
@@ -266,15 +276,15 @@ const Explorer = (() => {
     const frame = list.map((side) => SectionDrawing.frame(value(side))).reduce(SectionDrawing.union);
     for (const side of list) {
       const one = views.sections[side];
-      const fieldLines = view.lines === "yes" ? answers[side].field_lines?.data.lines : null;
+      const fieldLines = view.lines === "yes" ? answers[side].field_lines?.data : null;
       one.draw({ state: state(side), field: view.field, span, view: frame, mesh: view.mesh === "yes", fieldLines });
       one.grey(Boolean(refusals[side]));
       views.sensors[side].grey(Boolean(refusals[side]));
       one.say(caption(side));
     }
-    const rows = (kind) => list.map((side) => Numbers[kind](state(side) || Numbers.EMPTY));
+    const rows = (kind) => list.map((side) => Numbers[kind](state(side) || Numbers.EMPTY, view.formula));
     views.response.show(list, rows("response"), { last: `formula ${view.formula}` });
-    const beyond = state(view.edit)?.formula_level?.message;
+    const beyond = state(view.edit)?.formulas[view.formula]?.message;
     const notes = [state(view.edit)?.calibration, beyond && `Formula ${view.formula}: ${beyond}`];
     Format.put($("#formula-note"), notes.filter(Boolean).join(" "));
     views.readings.show(list, rows("readings"), {
@@ -316,7 +326,11 @@ const Explorer = (() => {
         ? `; refining to standard${part}`
         : "";
     const state = status === "ok" ? "" : `Status ${status.replaceAll("_", " ")}. `;
-    return { chip: answer.level, time: `${Format.number(seconds, 2)} s${next}`, text: `${state}${text || ""}` };
+    return {
+      chip: answer.level,
+      time: engine.time ?? `${Format.number(seconds, 2)} s${next}`,
+      text: `${state}${text || ""}`,
+    };
   }
 
   function drawSensor(changed) {
@@ -344,15 +358,15 @@ const Explorer = (() => {
     for (const quantity of ["force", "shift"])
       views.curves[quantity].show(
         list.map((side) => {
-          const { depth, estimates = {}, paper, level: chosen, ...data } = answers[side].curve.data;
+          const { depth, estimates = {}, formulas, ...data } = answers[side].curve.data;
           return {
             side,
             depth,
             values: data[quantity],
             half: estimates[quantity],
-            paper: paper?.[quantity],
-            level: chosen?.[quantity],
-            name: chosen?.name,
+            paper: formulas.paper?.[quantity],
+            level: formulas[view.formula]?.[quantity],
+            name: view.formula,
             now: sides[side].depth,
           };
         }),

@@ -82,20 +82,17 @@ const Format = (() => {
   const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
   const pixels = () => Math.min(window.devicePixelRatio || 1, 2);
 
-  const TYPES = { float32: Float32Array, uint16: Uint16Array, uint32: Uint32Array };
-  // A value of JSON with each {type: text}, base64 in little-endian order, replaced by its array.
-  function decoded(value) {
-    if (Array.isArray(value)) return value.map(decoded);
-    if (value === null || typeof value !== "object") return value;
-    const entries = Object.entries(value);
-    if (entries.length === 1 && entries[0][0] in TYPES) {
-      const text = atob(entries[0][1]);
-      const bytes = new Uint8Array(text.length);
-      for (let i = 0; i < text.length; i++) bytes[i] = text.charCodeAt(i);
-      return new TYPES[entries[0][0]](bytes.buffer);
-    }
-    return Object.fromEntries(entries.map(([key, one]) => [key, decoded(one)]));
+  const TYPES = { float32: Float32Array, uint16: Uint16Array, uint32: Uint32Array, int16: Int16Array };
+  // Reviver of JSON: {type: text}, base64 in little-endian order, becomes its array, times a scale where it has one.
+  function unpacked(_, value) {
+    const type = value && typeof value === "object" ? Object.keys(value).find((key) => key in TYPES) : null;
+    if (!type || typeof value[type] !== "string") return value;
+    const text = atob(value[type]);
+    const bytes = new Uint8Array(text.length);
+    for (let i = 0; i < text.length; i++) bytes[i] = text.charCodeAt(i);
+    const array = new TYPES[type](bytes.buffer);
+    return value.scale ? Float32Array.from(array, (v) => v * value.scale) : array;
   }
 
-  return { decoded, VIRIDIS, SIGNED, number, short, width, plain, round, mix, make, put, once, colour, pixels };
+  return { unpacked, VIRIDIS, SIGNED, number, short, width, plain, round, mix, make, put, once, colour, pixels };
 })();

@@ -20,9 +20,9 @@ const LiveEngine = () => {
       opened();
     });
     socket.addEventListener("message", (event) => {
-      const message = JSON.parse(event.data);
+      const message = JSON.parse(event.data, Format.unpacked);
       if (message.measured) measured(message.measured);
-      else answer(unpacked(message));
+      else answer(message);
     });
     socket.addEventListener("close", () => {
       socket = null;
@@ -45,22 +45,6 @@ const LiveEngine = () => {
       again();
     }, wait);
   }
-
-  // Arrays from their texts; points and triangles of a section as rows, as the drawing reads them.
-  function unpacked(message) {
-    if (!message.data) return message;
-    const data = Format.decoded(message.data);
-    const { section } = data;
-    if (section)
-      Object.assign(section, {
-        points: rows(section.points, 2),
-        rest: rows(section.rest, 2),
-        triangles: rows(section.triangles, 3),
-      });
-    return { ...message, data };
-  }
-  const rows = (list, width) =>
-    Array.from({ length: list.length / width }, (_, k) => list.subarray(k * width, (k + 1) * width));
 
   const path = (name) => (token ? `${name}?token=${encodeURIComponent(token)}` : name);
   return {

@@ -13,10 +13,11 @@ const Numbers = (() => {
   };
 
   // Rows of one side: [name, unit, value, half width, further column]. Half widths follow the picture: NaN until then.
-  function response({ response: r, estimates: e, formula_level: f }) {
+  function response({ response: r, estimates: e, formulas }, level) {
+    const f = formulas?.[level];
     const half = (name, k) => (e?.force ? (Array.isArray(e[name]) ? e[name][k] : e[name]) : NaN);
     // the paper's formulas say nothing of a tilt
-    const turned = (value) => (f?.level === "paper" && f.force ? "no formula" : value);
+    const turned = (value) => (level === "paper" && f?.force ? "no formula" : value);
     const row = (name, unit, quantity, k) => [name, unit, r[quantity][k], half(quantity, k), f?.[quantity]?.[k]];
     return [
       row("normal force", "N", "force", 2),

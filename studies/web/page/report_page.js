@@ -24,8 +24,7 @@ const Tip = (() => {
 })();
 
 (() => {
-  const data = JSON.parse(document.getElementById("report-data").textContent);
-  data.surfaces = Format.decoded(data.surfaces);
+  const data = JSON.parse(document.getElementById("report-data").textContent, Format.unpacked);
   const MOST_ROWS = 200;
 
   const cell = (value) => {

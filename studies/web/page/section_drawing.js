@@ -73,25 +73,24 @@ const SectionDrawing = (() => {
 
   // The field, linear in each triangle, pixel by pixel: no seams between neighbours, whatever their size.
   function colours(pen, at, section, name, span) {
-    const { points, triangles: cells, fields } = section;
+    const { points, triangles, fields } = section;
     const value = fields[name];
     const { width, height } = pen.canvas;
     const lut = table(FIELDS[name].map);
     const image = blank(pen);
     const pixel = new Uint32Array(image.data.buffer);
-    const n = points.length;
+    const n = points.length / 2;
     const x = new Float64Array(n);
     const y = new Float64Array(n);
     const s = new Float64Array(n);
     for (let k = 0; k < n; k++) {
-      x[k] = at.x(points[k][0]) - 0.5;
-      y[k] = at.z(points[k][1]) - 0.5;
+      x[k] = at.x(points[2 * k]) - 0.5;
+      y[k] = at.z(points[2 * k + 1]) - 0.5;
       s[k] = ((value[k] - span.low) / (span.high - span.low)) * (TONES - 1);
     }
-    for (const cell of cells) {
-      const i = cell[0];
-      const j = cell[1];
-      const k = cell[2];
+    for (let c = 0; c < triangles.length; c += 3) {
+      const cell = triangles.subarray(c, c + 3);
+      const [i, j, k] = cell;
       const ux = x[j] - x[i];
       const uy = y[j] - y[i];
       const vx = x[k] - x[i];
@@ -137,16 +136,12 @@ const SectionDrawing = (() => {
     return images.get(canvas);
   }
 
-  function meshLines(pen, at, { points, triangles: cells }) {
+  function meshLines(pen, at, { points, triangles }) {
     pen.strokeStyle = Format.colour("--paper");
     pen.globalAlpha = 0.45;
     pen.lineWidth = 0.6 * at.ratio;
-    pen.beginPath();
-    for (const cell of cells)
-      cell.forEach((i, k) =>
-        k ? pen.lineTo(at.x(points[i][0]), at.z(points[i][1])) : pen.moveTo(at.x(points[i][0]), at.z(points[i][1])),
-      );
-    pen.stroke();
+    const edges = Array.from(triangles, (i, k) => (k % 3 ? [triangles[k - 1], i] : [i, triangles[k + 2]]));
+    strokeEdges(pen, at, points, edges);
     pen.globalAlpha = 1;
   }
 
@@ -155,17 +150,14 @@ const SectionDrawing = (() => {
   function outline(section) {
     if (outlines.has(section)) return outlines.get(section);
     const edges = new Map();
-    const n = section.points.length;
-    for (const cell of section.triangles)
-      for (let k = 0; k < 3; k++) {
-        const a = cell[k];
-        const b = cell[(k + 1) % 3];
-        const key = a < b ? a * n + b : b * n + a;
-        if (edges.has(key)) edges.set(key, null);
-        else edges.set(key, [a, b]);
-      }
+    const { triangles, rest } = section;
+    triangles.forEach((a, k) => {
+      const b = triangles[k % 3 < 2 ? k + 1 : k - 2];
+      const key = a < b ? a * rest.length + b : b * rest.length + a;
+      edges.set(key, edges.has(key) ? null : [a, b]);
+    });
     // the halves of a revolved section meet on the axis, where both have points of their own
-    const own = [...edges.values()].filter((edge) => edge && edge.some((k) => Math.abs(section.rest[k][0]) > 1e-6));
+    const own = [...edges.values()].filter((edge) => edge && edge.some((k) => Math.abs(rest[2 * k]) > 1e-6));
     outlines.set(section, own);
     return own;
   }
@@ -173,8 +165,8 @@ const SectionDrawing = (() => {
   function strokeEdges(pen, at, points, edges) {
     pen.beginPath();
     for (const [a, b] of edges) {
-      pen.moveTo(at.x(points[a][0]), at.z(points[a][1]));
-      pen.lineTo(at.x(points[b][0]), at.z(points[b][1]));
+      pen.moveTo(at.x(points[2 * a]), at.z(points[2 * a + 1]));
+      pen.lineTo(at.x(points[2 * b]), at.z(points[2 * b + 1]));
     }
     pen.stroke();
   }
@@ -268,16 +260,19 @@ const SectionDrawing = (() => {
     pen.fillText(label, canvas.width - 4 * r, 12 * r);
   }
 
-  function lines(pen, at, list, view) {
+  // Lines that the magnet carries, in its own coordinates.
+  function lines(pen, at, { lines: list, centre, tilt }, view) {
     pen.save();
     pen.beginPath();
     pen.rect(at.x(-view.half), at.z(view.high), 2 * view.half * at.scale, (view.high - view.low) * at.scale);
     pen.clip();
     pen.strokeStyle = Format.colour("--lines");
     pen.lineWidth = 1.1 * at.ratio;
+    pen.translate(at.x(centre[0]), at.z(centre[1]));
+    pen.rotate(tilt);
     for (const line of list) {
       pen.beginPath();
-      line.forEach(([x, z], k) => (k ? pen.lineTo(at.x(x), at.z(z)) : pen.moveTo(at.x(x), at.z(z))));
+      for (let k = 0; k < line.length; k += 2) pen.lineTo(line[k] * at.scale, -line[k + 1] * at.scale);
       pen.stroke();
     }
     pen.restore();

@@ -119,6 +119,7 @@ const SensorView = (() => {
       mode = how;
       body.geometry.dispose();
       body.geometry = geometry(data, mode, largest);
+      body.rotation.z = data.turn ?? 0;
     }
 
     // The point of what is shown that lies nearest to the viewer among those within some pixels of the pointer.
@@ -129,7 +130,9 @@ const SensorView = (() => {
       for (const name of SHOWN[mode]) {
         const { points = [], value } = data.parts[name] || {};
         for (let k = 0; k < points.length; k += 3) {
-          const at = new THREE.Vector3(points[k], points[k + 1], points[k + 2]).project(camera);
+          const at = new THREE.Vector3(points[k], points[k + 1], points[k + 2])
+            .applyMatrix4(body.matrixWorld)
+            .project(camera);
           const off = [x + ((1 + at.x) / 2) * width - event.clientX, y + ((1 - at.y) / 2) * height - event.clientY];
           if (Math.hypot(...off) > pixels || at.z >= depth) continue;
           depth = at.z;
