@@ -10,7 +10,7 @@ from geometry.base import Base, base, checks, outer_size, plan, warnings
 from geometry.design import BadInput, Design
 from geometry.fabrication import solid_files
 from geometry.fabrication.engraved_marks import DEPTH
-from geometry.fabrication.hall_elements import SS495A, bodies, places
+from geometry.fabrication.hall_elements import bodies, places
 from geometry.fabrication.mold_solids import printable
 from geometry.fabrication.printability import PROCESSES, standing
 
@@ -33,7 +33,6 @@ DESIGNS = [
     Design(D=4, L=4.5, l0=4.1, hall_layout="tmag5273a1", magnet_diameter=1, magnet_height=1),
 ]
 SQUARE, ROUND = Base(), Base(shape="round")
-ROUND_RECESS = 0.4
 
 
 def name_of(value):
@@ -63,21 +62,6 @@ def test_bodies_and_readings_use_the_same_positions(layout, count):
     assert sorted(set(elements)) == sorted(places(design).values())
 
 
-def test_bodies_surround_their_hall_plates():
-    design, p = Design(), SS495A
-    for name, body in bodies(design).items():
-        x, y, z = places(design)[name]
-        box = body.bounding_box()
-        low, high = tuple(box.min), tuple(box.max)
-        # seen from the plate: the marked face towards the beam, half the width to either side
-        across = {"S1": 1, "S2": 1, "S3": 0}[name]
-        assert (low[across], high[across]) == pytest.approx(
-            ((x, y)[across] - p.width / 2, (x, y)[across] + p.width / 2), abs=1e-6
-        )
-        front = {"S1": high[2] - z, "S2": x - low[0], "S3": y - low[1]}[name]
-        assert front == pytest.approx(p.depth, abs=1e-6)
-
-
 @pytest.mark.parametrize(
     "fields",
     [
@@ -101,18 +85,6 @@ def test_the_outer_size_equals_that_of_the_solids(fields):
     # no element stands out beside the base but S1's leads, which lie along -x
     for box in boxes.values():
         assert max(box.max.X, box.max.Y, -box.min.Y) <= p.half
-
-
-def test_screw_holes_go_through_and_can_be_left_out():
-    drilled, plain = (base(Design(), Base(screw=screw)) for screw in (2.2, 0.0))
-    p = plan(Design(), Base())
-    q = plan(Design(), Base(screw=0.0))
-    holes = 4 * math.pi * 1.1**2 * p.thickness
-    channel = (
-        4 * (p.half**2 - q.half**2) * p.thickness
-        - (p.half - q.half) * p.seats.passages["S1"].sides[1] * (p.seats.passages["S1"].sides[2])
-    )
-    assert drilled.volume == pytest.approx(plain.volume + channel - holes, rel=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -180,24 +152,6 @@ def test_the_least_outer_size_is_that_of_the_default_base(design, shape, process
         plan(design, Base(shape=shape, outer=0.999 * least), process)
 
 
-def test_a_round_base_holds_seats_and_beam_within_its_least_diameter():
-    design = Design()
-    p = plan(design, ROUND)
-    # the farthest corner of the slot of S2, and the wall behind it
-    corner = math.hypot(design.f - SS495A.depth + SS495A.thickness + 0.1, SS495A.width / 2 + 0.1)
-    assert p.half == pytest.approx(corner + 1.2)
-    assert 2 * plan(Design(hall_layout="tmag5273a1"), ROUND).half == pytest.approx(8 + 2 * (0.2 + 1.2))
-    box = base(design, ROUND).bounding_box()
-    assert tuple(box.size)[:2] == pytest.approx((2 * p.half, 2 * p.half), abs=1e-6)
-
-
-def test_a_screw_of_a_round_base_keeps_its_wall_to_beam_and_seats():
-    design = Design(hall_layout="tmag5273a1")
-    p = plan(design, Base(shape="round", screw=2.2))
-    assert math.hypot(p.screw_at, p.screw_at) == pytest.approx(4.2 + 1.1 + 1.5)
-    assert p.half == pytest.approx(math.hypot(p.screw_at, p.screw_at) + 1.1 + 1.5)
-
-
 @pytest.mark.parametrize("shape", ["square", "round"])
 def test_the_floor_of_the_recess_is_the_base_plane(shape):
     """The beam stands on z = 0 with and without a recess, so that l0 and c stay those of the design."""
@@ -211,15 +165,6 @@ def test_the_floor_of_the_recess_is_the_base_plane(shape):
     top = {"square": 16**2, "round": math.pi * 8**2}[shape]
     rim = (top - math.pi * 4.1**2) * 0.5
     assert solid.volume - base(design, flat).volume == pytest.approx(rim, rel=1e-9)
-
-
-def test_the_recess_opens_into_slots_that_are_too_close():
-    """The paper's slots begin 0.4 mm from the beam: a wall of 0.2 mm between recess and slot could not be printed."""
-    gate, mirrored = plan(Design(), ROUND).openings
-    assert gate.corner[0] + gate.sides[0] > Design().f - SS495A.depth
-    assert gate.sides == (mirrored.sides[1], mirrored.sides[0], ROUND_RECESS)
-    assert plan(Design(f=6), ROUND).openings == ()
-    assert plan(Design(), SQUARE).openings == ()
 
 
 CHIP_4 = Design(D=4, L=4.5, l0=4.1, hall_layout="tmag5273a1", magnet_diameter=1, magnet_height=1)
@@ -251,12 +196,3 @@ def test_grooves_mark_x_and_y(design, shape, process):
     assert mesh.is_watertight
     assert [check.name for check in checks(design, marked, bodies(design)) if not check.passed] == []
     assert [check.name for check in printable("base", mesh, PROCESSES[process]) if not check.passed] == []
-
-
-@pytest.mark.parametrize("process", ["fdm", "sla"])
-def test_the_smallest_round_base_has_room_for_grooves(process):
-    p = plan(CHIP_4, Base(shape="round", marks=1), process)
-    # the chip's pads reach 1.45 and 1.85 mm from its middle, and their pocket is wider by half the fit
-    fit = {"fdm": 0.1, "sla": 0.05}[process]
-    assert p.half == pytest.approx(math.hypot(1.45 + fit, 1.85 + fit) + 1.2)
-    assert len(p.marks) == 3

@@ -1,10 +1,6 @@
 """Solids of the sensor against closed forms, and the files against the solids."""
 
 import math
-import subprocess
-import sys
-import zipfile
-from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -28,30 +24,14 @@ DESIGNS = [
 ]
 
 
-def read_3mf(path):
-    """Return vertices (mm) and faces of a 3MF file, read by the names of its specification."""
-    root = ElementTree.fromstring(zipfile.ZipFile(path).read("3D/3dmodel.model"))
-    assert root.attrib.get("unit", "millimeter") == "millimeter"
-    vertices = [[float(v.attrib[k]) for k in "xyz"] for v in root.iter() if v.tag.endswith("}vertex")]
-    faces = [[int(t.attrib[k]) for k in ("v1", "v2", "v3")] for t in root.iter() if t.tag.endswith("}triangle")]
-    return trimesh.Trimesh(vertices, faces, process=False)
-
-
 def export(solids, folder, tolerance=solid_files.TOLERANCE):
     shapes = {name: (solid, solid_files.facets(name, solid, tolerance)) for name, solid in solids.items()}
     return solid_files.export(shapes, folder)
 
 
-def test_import_is_instant():
-    code = (
-        "import sys, geometry.cad, geometry.base, geometry.fabrication.solid_files, geometry.fabrication.mold_solids;"
-        "import geometry.fabrication.technical_drawing;"
-        "sys.exit('build123d' in sys.modules or 'trimesh' in sys.modules)"
-    )
-    subprocess.run([sys.executable, "-c", code], check=True)
-
-
-@pytest.mark.parametrize("design", DESIGNS, ids=str)
+@pytest.mark.parametrize(
+    "design", DESIGNS, ids=lambda design: f"D={design.D:g}, L={design.L:g}, edge {design.magnet_edge_radius:g}"
+)
 def test_volumes_are_exact(design):
     shape = design.shape
     assert cad.beam(design).volume == pytest.approx(cad.beam_volume(shape), rel=1e-12)
@@ -76,27 +56,20 @@ def test_a_fillet_is_tangent_to_sides_that_lean():
     assert cad.turned_volume(frustum) == pytest.approx(math.pi * 4 / 3 * (4 + 6 + 9), rel=1e-15)
 
 
-def test_parts_lie_in_the_sensors_frame():
-    design = Design(D=10, L=14)
-    box = cad.beam(design).bounding_box(optimal=True)
-    assert tuple(box.min) == pytest.approx((-5, -5, 0), abs=1e-6)
-    assert tuple(box.max) == pytest.approx((5, 5, 14), abs=1e-6)
-    assert tuple(cad.magnet(design).center()) == pytest.approx((0, 0, design.H), abs=1e-9)
-
-
-def test_no_magnet():
-    design = Design(**BARE)
-    with pytest.raises(BadInput, match="magnet_diameter must be positive"):
-        cad.magnet(design)
-    assert cad.silicone(design).volume == pytest.approx(cad.beam_volume(design.shape), rel=1e-9)
-
-
 def test_overlap_and_cut():
     beam, magnet = cad.beam(Design()), cad.magnet(Design())
     assert cad.overlap(beam, magnet) == pytest.approx(magnet.volume, rel=1e-9)
     assert cad.overlap(cad.silicone(Design()), magnet) == 0
     with pytest.raises(MeshError, match="one solid"):
         cad.cut(magnet, beam)
+    with pytest.raises(BadInput, match="magnet_diameter must be positive"):
+        cad.magnet(Design(**BARE))
+
+
+@pytest.mark.parametrize("tolerance", [0.0, -1.0, 2.0, math.nan])
+def test_impossible_tolerances_are_refused(tolerance, tmp_path):
+    with pytest.raises(BadInput, match="tolerance must lie between 1e-05 and 1 mm"):
+        export({"magnet": cad.magnet(Design())}, tmp_path, tolerance)
 
 
 @pytest.mark.parametrize(
@@ -105,14 +78,13 @@ def test_overlap_and_cut():
         Design(),
         Design(D=1, L=0.8, magnet_diameter=0.5, magnet_height=0.25, magnet_edge_radius=0.02),
         Design(D=50, L=30, magnet_diameter=42, magnet_height=9, magnet_edge_radius=3, l0=50),
-        Design(magnet_diameter=0.2, magnet_height=0.2, magnet_edge_radius=0.02),
     ],
-    ids=["paper", "small", "thin walls", "small magnet"],
+    ids=["paper", "small", "thin walls"],
 )
 def test_export_reads_back(design, tmp_path):
     import build123d as bd
 
-    solids = {"silicone": cad.silicone(design), "magnet": cad.magnet(design)}
+    solids = {"silicone": cad.silicone(design), "magnet <1> & more": cad.magnet(design)}
     records = export(solids, tmp_path, design.D / 2000)
     assert sorted(p.name for p in tmp_path.glob("[!.]*")) == sorted(
         f"{n}.{s}" for n in solids for s in ("step", "stl", "3mf")
@@ -127,10 +99,24 @@ def test_export_reads_back(design, tmp_path):
         assert record["relative_error"] == pytest.approx(stl.volume / record["volume_mm3"] - 1, abs=1e-12)
         step = bd.import_step(tmp_path / f"{record['name']}.step")
         assert step.volume == pytest.approx(record["volume_mm3"], rel=1e-12)
-        printed = read_3mf(tmp_path / f"{record['name']}.3mf")
-        assert printed.is_volume
-        assert np.array_equal(printed.vertices.astype(np.float32), stl.vertices.astype(np.float32))
-        assert np.array_equal(printed.faces, stl.faces)
+        check_3mf(tmp_path / f"{record['name']}.3mf", record)
+
+
+def check_3mf(path, record):
+    """Read it by its reference library, without a warning."""
+    from lib3mf import Lib3MF
+
+    model = Lib3MF.Wrapper().CreateModel()
+    reader = model.QueryReader("3mf")
+    reader.SetStrictModeActive(True)
+    reader.ReadFromFile(str(path))
+    assert reader.GetWarningCount() == 0
+    assert model.GetUnit() == Lib3MF.ModelUnit.MilliMeter
+    found = model.GetMeshObjects()
+    assert found.MoveNext()
+    body = found.GetCurrentMeshObject()
+    assert (body.GetName(), body.GetTriangleCount()) == (record["name"], record["triangles"])
+    assert body.IsManifoldAndOriented()
 
 
 @pytest.mark.parametrize("tolerance", [0.1, 0.01, 0.001])
@@ -156,12 +142,6 @@ def test_coarse_facets_are_refined_or_refused(tmp_path, monkeypatch):
         export({"beam": cad.beam(Design())}, tmp_path, 1.0)
     assert (tmp_path / "beam.stl").read_bytes() == before
     assert len(list(tmp_path.glob("[!.]*"))) == 3
-
-
-@pytest.mark.parametrize("tolerance", [0.0, -1.0, 2.0, math.nan])
-def test_impossible_tolerances(tolerance, tmp_path):
-    with pytest.raises(BadInput, match="tolerance must lie between 1e-05 and 1 mm"):
-        export({"magnet": cad.magnet(Design())}, tmp_path, tolerance)
 
 
 def test_an_open_surface_is_refused(tmp_path, monkeypatch):
@@ -190,21 +170,3 @@ def test_an_assembly_keeps_names_colours_and_volumes(tmp_path):
     for child, (solid, colour) in zip(read.children, parts.values(), strict=True):
         assert child.volume == pytest.approx(solid.volume, rel=1e-12)
         assert tuple(child.color) == pytest.approx(tuple(bd.Color(colour)), abs=1e-3)
-
-
-def test_3mf_is_read_by_its_reference_library_without_a_warning(tmp_path):
-    from lib3mf import Lib3MF
-
-    (record,) = export({"magnet <1> & more": cad.magnet(Design())}, tmp_path)
-    model = Lib3MF.Wrapper().CreateModel()
-    reader = model.QueryReader("3mf")
-    reader.SetStrictModeActive(True)
-    reader.ReadFromFile(str(tmp_path / f"{record['name']}.3mf"))
-    assert reader.GetWarningCount() == 0
-    assert model.GetUnit() == Lib3MF.ModelUnit.MilliMeter
-    found = model.GetMeshObjects()
-    assert found.MoveNext()
-    body = found.GetCurrentMeshObject()
-    assert body.GetName() == record["name"]
-    assert body.GetTriangleCount() == record["triangles"]
-    assert body.IsManifoldAndOriented()

@@ -12,7 +12,7 @@ from fem.equilibrium import solve, trace
 from fem.model.symmetry_models import MeshSpecification
 from fem.solve.path_state import with_harmonics
 from fem.solve.press import solve_press
-from geometry.design import BadInput, Design, paper
+from geometry.design import Design, paper
 from geometry.loads import Load
 
 ROUGH = replace(QUICK, solid_size=0.17)
@@ -22,21 +22,16 @@ def normal(solution):
     return solution.response.force[2]
 
 
-def test_force_is_proportional_to_E_and_the_pose_independent_of_it():
-    soft, stiff = (solve(Design(E=E), Load(depth=1.0), QUICK) for E in (1e-3, 1e3))
-    assert normal(stiff) == pytest.approx(1e6 * normal(soft), rel=1e-9)
-    assert stiff.response.shift == pytest.approx(soft.response.shift, rel=1e-9)
-    assert stiff.response.contact_radius == pytest.approx(soft.response.contact_radius, rel=1e-9)
-
-
 @pytest.mark.parametrize("factor", [1 / 8, 50 / 8])
-def test_similar_designs_under_similar_loads(factor):
+def test_similar_designs_under_similar_loads_also_of_another_modulus(factor):
     small = paper()
     names = ("D", "L", "magnet_diameter", "magnet_height", "magnet_edge_radius")
     large = replace(small, **{name: factor * getattr(small, name) for name in names}, l0=factor * small.l0)
-    one, other = solve(small, Load(depth=1.0), QUICK), solve(large, Load(depth=factor), QUICK)
-    assert normal(other) == pytest.approx(factor**2 * normal(one), rel=1e-9)
-    assert other.response.shift[2] == pytest.approx(factor * one.response.shift[2], rel=1e-9)
+    one, other = solve(small, Load(depth=1.0), QUICK), solve(replace(large, E=1e3), Load(depth=factor), QUICK)
+    assert normal(other) == pytest.approx(1e3 * factor**2 * normal(one), rel=1e-9)
+    for name in ("shift", "contact_radius"):
+        expected = factor * np.array(getattr(one.response, name))
+        assert getattr(other.response, name) == pytest.approx(expected, rel=1e-9)
 
 
 @pytest.mark.parametrize("depth", [1e-9, 1e-6, 1e-3])
@@ -48,6 +43,8 @@ def test_hertz_at_small_depth(depth):
     assert solution.status == "ok"
     assert normal(solution) == pytest.approx(hertz, rel=0.012)
     assert solution.response.contact_radius == pytest.approx(math.sqrt(design.R * depth), rel=0.08)
+    assert 0 < solution.estimates.force < 0.1
+    assert (solution.estimates.tilt, solution.estimates.sideways) == (None, None)
 
 
 @pytest.mark.parametrize("magnet", ["rigid", "ignored"])
@@ -59,15 +56,6 @@ def test_force_is_the_derivative_of_the_stored_energy(magnet):
     assert (high.energy - low.energy) / (2 * step) == pytest.approx(normal(middle), rel=2e-3)
 
 
-def test_refinement_moves_the_force_by_less_than_the_estimate():
-    for magnet in ("rigid", "ignored"):
-        coarse = solve(paper(), Load(depth=1.5), QUICK, magnet=magnet)
-        fine = solve(paper(), Load(depth=1.5), STANDARD, magnet=magnet)
-        assert abs(normal(coarse) / normal(fine) - 1) < 0.02
-        assert coarse.estimates.force is not None
-        assert 0 < coarse.estimates.force < 0.05
-
-
 @pytest.mark.parametrize(("magnet", "size"), [("rigid", 0.135), ("ignored", 0.17)])
 def test_half_model_agrees_with_axisymmetric(magnet, size):
     load = Load(depth=1.0)
@@ -76,17 +64,6 @@ def test_half_model_agrees_with_axisymmetric(magnet, size):
     assert normal(solid) == pytest.approx(normal(section), rel=0.01)
     assert solid.response.shift[2] == pytest.approx(section.response.shift[2], rel=0.01)
     assert abs(solid.response.tilt) < math.radians(0.05)
-
-
-def test_sticking_shear_pushes_and_tilts_towards_the_motion():
-    design = paper()
-    loads = [Load(depth=1.0, shear_x=s, friction="stick") for s in (0.0, 0.2)]
-    still, sheared = trace(design, loads, ROUGH, magnet="ignored", model="half", estimate=False)
-    fx, _, fz = sheared.response.force
-    assert 0.4 * 0.2 < fx < 1.0 * 0.2
-    assert fz == pytest.approx(normal(still), rel=0.02)
-    assert 0.05 < sheared.response.shift[0] < 0.2
-    assert 0.005 < sheared.response.tilt < 0.05
 
 
 def test_shear_direction_only_turns_the_answer():
@@ -118,13 +95,6 @@ def test_a_press_is_an_equilibrium_of_any_number_of_harmonics(magnet):
     there = state.d.system.assemble(state.d.system.state(state.q), state.plate)
     assert here.energy == pytest.approx(there.energy, rel=1e-12)
     assert np.abs(here.residual).max() < 2 * np.abs(there.residual).max() + 1e-12 * np.abs(there.forces).max()
-
-
-def test_harmonics_converge():
-    two, three, four = (
-        solve(paper(), Load(shear_x=2.0, grip=2.0), replace(QUICK, harmonics=n)).response.force[0] for n in (2, 3, 4)
-    )
-    assert abs(three - four) < 0.3 * abs(two - three) < 0.003 * three
 
 
 @pytest.mark.parametrize(
@@ -174,29 +144,13 @@ def test_a_solve_that_cannot_go_on_keeps_what_it_reached():
     assert np.isfinite(last.field.u).all()
 
 
-def test_a_patch_too_small_for_the_solid_mesh_is_never_a_silent_zero():
-    solution = solve(paper(), Load(depth=1e-9), ROUGH, magnet="ignored", model="half")
-    assert solution.status == "no_contact"
-    assert "axisymmetric" in solution.message
-
-
-def test_zero_depth_is_zero_force():
-    solution = solve(paper(), Load(), QUICK)
-    assert solution.status == "ok"
-    assert solution.response.force == (0.0, 0.0, 0.0)
-
-
-def test_frictionless_plate_slides():
-    solution = solve(paper(), Load(depth=0.5, shear_x=1.0), QUICK)
-    assert solution.response.force[0] == 0
-    assert "slides" in solution.message
-
-
-def test_a_rigid_magnet_needs_a_magnet():
-    bare = Design(magnet_diameter=0, magnet_height=0, magnet_edge_radius=0)
-    with pytest.raises(BadInput, match="no magnet"):
-        solve(bare, Load(depth=1.0), QUICK)
-    assert solve(bare, Load(depth=1.0), QUICK, magnet="ignored").status == "ok"
+def test_without_contact_or_friction_there_is_no_force_and_the_message_says_so():
+    assert solve(paper(), Load(), QUICK).response.force == (0.0, 0.0, 0.0)
+    slides = solve(paper(), Load(depth=0.5, shear_x=1.0), QUICK)
+    assert (slides.response.force[0], "slides" in slides.message) == (0, True)
+    assert "frictionless" in solve(paper(), Load(depth=0.5, friction="stick"), QUICK).message
+    missed = solve(paper(), Load(depth=1e-9), ROUGH, magnet="ignored", model="half")
+    assert (missed.status, "axisymmetric" in missed.message) == ("no_contact", True)
 
 
 LAWS = [
@@ -224,32 +178,6 @@ def test_a_press_with_each_law(law):
         assert bound[0] <= abs(forces[0] / forces[1] - 1) < bound[1]
 
 
-@pytest.mark.parametrize("law", ["mooney-rivlin", "yeoh", "ogden"])
-def test_each_law_is_neo_hookean_by_default(law):
-    one, other = (solve(Design(law=name), Load(depth=1.0), QUICK) for name in (law, "neo-hookean"))
-    assert normal(one) == pytest.approx(normal(other), rel=1e-9)
-
-
-def test_shear_of_the_half_model_with_ogdens_law():
-    load = Load(depth=1.0, shear_x=0.3, friction="stick")
-    design = Design(law="ogden", ogden_alpha1=3.0, ogden_share=0.3)
-    found = trace(design, [load], ROUGH, estimate=False)[0]
-    assert found.status == "ok"
-    assert 0 < found.response.force[0] < found.response.force[2]
-
-
-def test_a_press_that_gives_way_sideways_is_called_unstable():
-    """L/D = 4 buckles at once; the half model follows the tip, the axisymmetric one holds it on the axis."""
-    slender, load = Design(L=32.0), Load(depth=2.5)
-    solid = trace(slender, [load], replace(QUICK, solid_size=0.45), magnet="ignored", model="half", estimate=False)[0]
-    assert solid.status == "unstable"
-    assert "depth" in solid.message or abs(solid.response.tilt) > 0.01
-    section = solve(slender, load, QUICK, magnet="ignored")
-    assert section.status == "unstable"
-    assert "sideways" in section.message
-    assert not solve(paper(), Load(depth=2.0), QUICK).message
-
-
 def test_a_small_grip_is_held_like_a_disc_on_a_half_space():
     """Its compliance (2 - nu) / (8 G a) lies beside one of the beam, which grips of two sizes share."""
     design, grips, shear = paper(), (1e-3, 4e-3), 0.01
@@ -261,20 +189,49 @@ def test_a_small_grip_is_held_like_a_disc_on_a_half_space():
     assert shear / forces[0] - shear / forces[1] == pytest.approx(discs[0] - discs[1], rel=0.03)
 
 
-def test_stick_without_shear_says_that_the_press_is_frictionless():
-    assert "frictionless" in solve(paper(), Load(depth=0.5, friction="stick"), QUICK).message
-
-
-def test_a_press_of_a_nanometre_has_estimates_and_no_tilt():
-    state = solve(paper(), Load(depth=1e-9), QUICK)
-    assert 0 < state.estimates.force < 0.1
-    assert 0 < state.estimates.shift < 0.1
-    assert state.estimates.tilt is None
-    assert state.estimates.sideways is None
-
-
 def test_the_radius_of_a_sheared_patch_starts_from_that_of_the_press():
     loads = [Load(depth=1.5, shear_x=x, friction="stick") for x in (0.0, 0.01, 1.0)]
     pressed, sheared, far = (s.response.contact_radius for s in trace(paper(), loads, QUICK, estimate=False))
     assert sheared == pytest.approx(pressed, rel=0.02)
     assert far == pytest.approx(pressed, rel=0.1)
+
+
+SLENDER = Design(L=24.0)
+CRITICAL_N = 1.311
+LEVEL = replace(QUICK, section_size=0.16)
+
+
+# A press beyond its critical depth, to the side that a dead force picks.
+
+
+@pytest.fixture(scope="module")
+def leaning():
+    loads = [Load(depth=d, imperfection=2e-3) for d in (0.3, 1.0, 1.6)]
+    return trace(SLENDER, loads, LEVEL, magnet="ignored", estimate=False)
+
+
+def test_the_buckled_branch_is_followed_to_the_side_of_the_push_and_its_force_hardly_grows(leaning):
+    assert [(state.status, state.model) for state in leaning] == [("ok", "harmonic")] * 3
+    assert "imperfection of 0.002 N" in leaning[-1].message
+    shifts = [state.response.shift[0] for state in leaning]
+    assert 0 < shifts[0] < 0.06
+    assert shifts[2] > 3.0
+    assert leaning[2].response.tilt > 0.3
+    assert leaning[2].response.force[2] == pytest.approx(CRITICAL_N, rel=0.07)
+    straight = trace(SLENDER, [Load(depth=0.3)], LEVEL, magnet="ignored", estimate=False)[0]
+    assert leaning[0].response.force[2] == pytest.approx(straight.response.force[2], rel=5e-3)
+
+
+def test_the_other_side_is_the_mirror_image(leaning):
+    loads = [Load(depth=d, imperfection=-2e-3) for d in (0.3, 1.0, 1.6)]
+    other = trace(SLENDER, loads, LEVEL, magnet="ignored", estimate=False)[-1].response
+    one = leaning[-1].response
+    assert other.shift == pytest.approx((-one.shift[0], 0.0, one.shift[2]), rel=1e-6)
+    assert other.force[2] == pytest.approx(one.force[2], rel=1e-6)
+
+
+def test_a_long_increment_past_buckling_does_not_land_on_the_mirrored_branch():
+    loads = [Load(depth=d, imperfection=2e-3) for d in (0.4, 0.8, 1.2)]
+    states = trace(replace(paper(), L=24), loads, QUICK, magnet="ignored", estimate=False)
+    assert all(state.response.shift[0] > 0 for state in states)
+    assert states[-1].status == "ok"

@@ -1,0 +1,202 @@
+"""Drawings: sections match the solids, sheets are SVG inside their frame, and the board is DXF with its layers."""
+
+import io
+import math
+import re
+from xml.etree import ElementTree
+
+import ezdxf
+import pytest
+from ezdxf import bbox
+
+from geometry import cad
+from geometry.base import Base, base, plan
+from geometry.design import Design
+from geometry.fabrication.board_drawing import LAYERS, board, pads
+from geometry.fabrication.hall_elements import bodies, places
+from geometry.fabrication.mold_solids import closed_mold
+from geometry.fabrication.technical_drawing import HEIGHT, WIDTH, Piece, View
+from geometry.hall_chips import CHIPS
+from geometry.mold import Mold, sizes
+from studies.fabrication import part_drawings
+
+NUMBER = r"-?\d+\.?\d*(?:e-?\d+)?"
+
+
+def area(view):
+    """Return the area of all loops of a view by Green's theorem, arcs included: the outer loop less the holes."""
+    total = 0.0
+    for loops, _ in view.paths:
+        areas = []
+        for loop in loops:
+            points = [point for piece in loop for point in _points(piece)]
+            ends = [(piece.start, piece.end) for piece in loop]
+            assert all(
+                math.dist(end, start) < 1e-6 for (_, end), (start, _) in zip(ends, ends[1:] + ends[:1], strict=True)
+            )
+            x, y = zip(*points, strict=True)
+            areas.append(abs(sum(x[k - 1] * y[k] - x[k] * y[k - 1] for k in range(len(x)))) / 2)
+        total += areas[0] - sum(areas[1:])
+    return total
+
+
+def _points(piece):
+    ends = piece.start, piece.end
+    if piece.middle is None:
+        return list(ends)
+    (x, y), (u, v), (p, q) = *ends, piece.middle
+    # centre of the circle through three points
+    d = 2 * (x * (q - v) + p * (v - y) + u * (y - q))
+    cx = ((x * x + y * y) * (q - v) + (p * p + q * q) * (v - y) + (u * u + v * v) * (y - q)) / d
+    cy = ((x * x + y * y) * (u - p) + (p * p + q * q) * (x - u) + (u * u + v * v) * (p - x)) / d
+    t0, tm, t1 = (math.atan2(b - cy, a - cx) for a, b in ((x, y), (p, q), (u, v)))
+    turn = (t1 - t0) % (2 * math.pi)
+    if (tm - t0) % (2 * math.pi) > turn:
+        turn -= 2 * math.pi
+    return [(cx + piece.radius * math.cos(t0 + turn * k / 200), cy + piece.radius * math.sin(t0 + turn * k / 200))
+            for k in range(201)]  # fmt: skip
+
+
+def test_a_section_has_the_area_of_the_profile():
+    design = Design()
+    view = View("")
+    view.cut(cad.beam(design), "soft")
+    assert area(view) == pytest.approx(design.D * design.H + math.pi * design.R**2 / 2, rel=1e-4)
+    assert view.box == pytest.approx((-4, 4, 0, 9), abs=1e-9)
+    hollow = View("")
+    hollow.cut(cad.silicone(design), "soft")
+    edge = (4 - math.pi) * design.magnet_edge_radius**2
+    assert area(view) - area(hollow) == pytest.approx(4 * 2 - edge, rel=1e-3)
+
+
+def test_a_section_shows_a_small_body_far_from_the_axis_whole():
+    design = Design(hall_layout="tmag5273a1", chip_x=30.0)
+    view = View("chip")
+    view.cut(bodies(design)["tmag5273a1"], "part")
+    assert view.box[:2] == pytest.approx((30 - 2.9 / 2, 30 + 2.9 / 2))
+
+
+def test_a_view_from_above_shows_x_to_the_right_and_y_upwards():
+    import build123d as bd
+
+    view = View("")
+    view.projection(bd.Solid.make_box(1, 2, 3, bd.Plane((4, 5, 0))))
+    assert view.box == pytest.approx((4, 5, 5, 7), abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("design", "mold", "pole"),
+    [
+        (Design(), Mold(), "north pole down"),
+        (Design(c=4, f=7, magnet_north="up"), Mold(columns=4, rows=3, shrink=0.01), "north pole up"),
+        (Design(D=1, L=0.8, magnet_diameter=0.2, magnet_height=0.2, magnet_edge_radius=0.02, l0=3), Mold(), ""),
+        (Design(D=50, L=400, l0=380, f=40, hall_layout="tmag5273a1"), Mold(), ""),
+    ],
+    ids=["paper", "plate", "small", "large"],
+)
+def test_sheets_are_svg_with_their_dimensions_inside_their_frame(design, mold, pole):
+    parts = {"base": base(design, Base()), "silicone": cad.silicone(design), "magnet": cad.magnet(design)}
+    A, B = closed_mold(design, mold)
+    texts = part_drawings.sheets(design, plan(design, Base()), parts, bodies(design))
+    texts["mould"] = part_drawings.mold_sheet(design, mold, sizes(design, mold), A, [B])
+    assert pole in texts["sensor"]
+    for label in (f"Ø{design.D:g}", f"L = {design.L:g}", f"l0 = {design.l0:g}"):
+        assert f">{label}<" in texts["sensor"]
+    for title, text in texts.items():
+        root = ElementTree.fromstring(text)
+        assert (root.attrib["width"], root.attrib["height"]) == ("297mm", "210mm")
+        shown = [node for node in root.iter() if node.tag.endswith("}text")]
+        words, halos = ({n.text for n in shown if ("halo" in n.attrib["class"]) is halo} for halo in (False, True))
+        # programs that do not know paint-order would draw a stroke over its own text
+        assert words == halos
+        assert title.capitalize() in words
+        assert re.search(r"scale \d+:\d+ on A4; all lengths in mm", " ".join(words))
+        assert "nan" not in text
+        for node in root.iter():
+            if node.tag.endswith("}path") and "pattern" not in node.attrib.get("d", "") and "class" in node.attrib:
+                steps = re.findall(rf"[ML]({NUMBER}) ({NUMBER})", node.attrib["d"])
+                assert all(0 < float(x) < WIDTH and 0 < float(y) < HEIGHT for x, y in steps), title
+
+
+@pytest.mark.parametrize("turn", [60.0, 120.0, 170.0])
+def test_the_box_of_an_arc_holds_its_outermost_points(turn):
+    """Arcs of a unit circle on both sides of the x axis, up to an angle on either side."""
+    x, y = math.cos(math.radians(turn)), math.sin(math.radians(turn))
+    view = View("arc")
+    view.paths.append(([[Piece((x, -y), (x, y), (1.0, 0.0), 1.0)]], "outline"))
+    top = 1.0 if turn > 90 else y
+    assert view.box == pytest.approx((x, 1.0, -top, top), abs=1e-12)
+
+
+SENSORS = [Design(), Design(hall_layout="tmag5273a1"), Design(hall_layout="tle493d-p2b6", l0=9.0, chip_x=2.0)]
+
+
+def board_of(design, choices=None):
+    choices = choices or Base(shape="round")
+    return ezdxf.read(io.StringIO(board(design, plan(design, choices))))
+
+
+def extents(drawing, layer):
+    box = bbox.extents(drawing.modelspace().query(f'*[layer=="{layer}"]'), fast=True)
+    return [box.extmin.x, box.extmin.y, box.extmax.x, box.extmax.y]
+
+
+@pytest.mark.parametrize("design", SENSORS, ids=lambda d: d.hall_layout)
+def test_the_file_has_no_errors_and_all_layers_are_used(design):
+    drawing = board_of(design)
+    assert (drawing.dxfversion, drawing.units) == ("AC1024", ezdxf.units.MM)
+    assert [error.message for error in drawing.audit().errors] == []
+    assert {entity.dxf.layer for entity in drawing.modelspace()} == set(LAYERS)
+    assert set(LAYERS) <= {layer.dxf.name for layer in drawing.layers}
+    texts = {entity.dxf.text for entity in drawing.modelspace().query("TEXT")}
+    assert {"x", "y"} <= texts
+    assert any("check against your data sheet" in text for text in texts)
+
+
+@pytest.mark.parametrize("shape", ["square", "round"])
+def test_outline_and_beam_have_the_lengths_of_the_plan(shape):
+    design, choices = Design(), Base(shape=shape)
+    p, drawing = plan(design, choices), board_of(design, choices)
+    assert extents(drawing, "OUTLINE") == pytest.approx([-p.half, -p.half, p.half, p.half])
+    assert extents(drawing, "BEAM") == pytest.approx([-4, -4, 4, 4])
+    holes = [c for c in drawing.modelspace().query('CIRCLE[layer=="OUTLINE"]') if c.dxf.radius < p.half]
+    assert sorted(c.dxf.radius for c in holes) == ([1.1] * 4 if shape == "square" else [])
+
+
+def test_leads_of_s2_and_s3_meet_their_pads_below_the_passages():
+    design = Design()
+    p, centres = plan(design, Base()), pads(design)
+    for name, three in (("S1", centres[:3]), ("S2", centres[3:6]), ("S3", centres[6:])):
+        (x, y, _), (wide, tall, _) = p.seats.passages[name].corner, p.seats.passages[name].sides
+        assert all(x < u < x + wide and y < v < y + tall for u, v in three)
+    drawing = board_of(design)
+    circles = drawing.modelspace().query('CIRCLE[layer=="PADS"]')
+    assert {tuple(c.dxf.center)[:2] for c in circles} == set(centres)
+    assert len(circles) == 18
+
+
+@pytest.mark.parametrize("process", ["fdm", "sla"])
+@pytest.mark.parametrize("layout", CHIPS)
+def test_pads_and_capacitor_of_a_chip_lie_in_its_pocket(layout, process):
+    design = Design(hall_layout=layout, l0=9.0, chip_x=1.5)
+    (pocket,) = plan(design, Base(), process).seats.bodies.values()
+    (left, near, _), (wide, deep, high) = pocket.corner, pocket.sides
+    chip = CHIPS[layout]
+    for x, y in pads(design):
+        assert left < x - chip.pads.width / 2
+        assert x + chip.pads.width / 2 < left + wide
+        assert near < y - chip.pads.length / 2
+        assert y + chip.pads.length / 2 < near + deep
+    assert (wide, deep, high) > chip.body
+    assert "on the underside of the board" in board(design, plan(design, Base()))
+
+
+@pytest.mark.parametrize("layout", [layout for layout, chip in CHIPS.items() if chip.pads])
+def test_a_chip_has_two_rows_of_separate_pads_around_its_plates(layout):
+    design = Design(hall_layout=layout, l0=9.0, chip_x=1.5)
+    row, (x, y, _) = CHIPS[layout].pads, places(design)[layout]
+    drawing = board_of(design)
+    assert len(drawing.modelspace().query('LWPOLYLINE[layer=="PADS"]')) == 2 * row.pins
+    wide, tall = ((row.pins - 1) * row.pitch + row.width) / 2, (row.rows + row.length) / 2
+    assert extents(drawing, "PADS") == pytest.approx([x - wide, y - tall, x + wide, y + tall])
+    assert row.width < row.pitch

@@ -1,0 +1,241 @@
+"""Paths: increments of the load, presses and small shears about them, and what a path that stops has reached."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fem.accuracy import QUICK, STANDARD
+from fem.analyses import small_shear
+from fem.analyses.modes import modes
+from fem.equilibrium import trace
+from fem.model import rigid_inclusion
+from fem.model.symmetry_models import MeshSpecification, specification
+from fem.results.postprocess import read_pose
+from fem.scene import Scene
+from fem.solution import Estimates
+from fem.solve import load_increments, load_stepping
+from fem.solve.direct_solver import Solver
+from fem.solve.load_increments import apply_increment, follow_segment
+from fem.solve.load_stepping import predict
+from fem.solve.newton import TOLERANCE, NoStateError
+from fem.solve.path_state import at_rest, with_predictor
+from fem.solve.press import find_press, measure_contact_edge, solve_press
+from geometry.design import BadInput, Design, paper
+from geometry.loads import Load
+
+SHAPE = paper().shape.without_magnet().scaled(1 / 8)
+
+
+def section(harmonics=0):
+    return MeshSpecification(SHAPE, 0.4998, "ignored", 0.25, 0.125, harmonics=harmonics).build()
+
+
+@pytest.mark.parametrize("mu", [None, 0.3])
+def test_an_increment_can_be_made_again_and_one_that_fails_leaves_the_state_before(mu):
+    before = follow_segment(Solver(), at_rest(section(), mu=mu), np.array([0.06, 0.0, 0.0])).state
+    q, traction = before.q.copy(), before.friction and before.friction.traction.copy()
+    once, again = (
+        apply_increment(Solver(), before, np.array([0.07, 0.0, 0.0]), TOLERANCE, accept=True) for _ in range(2)
+    )
+    assert once.stop == again.stop == ""
+    np.testing.assert_array_equal(once.state.q, again.state.q)
+    np.testing.assert_array_equal(before.q, q)
+    if mu:
+        np.testing.assert_array_equal(once.state.friction.traction, again.state.friction.traction)
+        np.testing.assert_array_equal(before.friction.traction, traction)
+    tried = apply_increment(Solver(), before, np.array([2 * SHAPE.L, 0.0, 0.0]), TOLERANCE, accept=True)
+    assert tried.stop
+    assert tried.state.position is before.position
+
+
+# Paths do not depend on the steps that they take; their predictor saves increments and changes no answer.
+
+
+def test_a_press_does_not_depend_on_the_length_of_its_steps(monkeypatch):
+    """On this mesh a folded element balances too, at a force lower by 2 %: a plain Newton method may end there."""
+    sensor = Design(
+        D=5.12, L=6.93, nu=0.49893, magnet_diameter=2.38, magnet_height=1.05, magnet_edge_radius=0.153, l0=6.93
+    )
+    loads = [Load(depth=depth) for depth in (0.07326, 0.2442, 0.6105)]
+    forces = []
+    for longest in (load_increments.LONGEST, 0.03):
+        monkeypatch.setattr(load_increments, "LONGEST", longest)
+        forces.append(trace(sensor, loads, QUICK, estimate=False)[-1].response.force[2])
+    assert forces[0] == pytest.approx(forces[1], rel=1e-8)
+
+
+def test_silicone_that_is_crushed_in_short_steps_too_is_believed(monkeypatch):
+    """With a bound that every deformation breaks."""
+    plain = trace(paper(), [Load(depth=1.0)], QUICK, estimate=False)[-1]
+    monkeypatch.setattr(load_increments, "CRUSHED", 1.0)
+    halved = trace(paper(), [Load(depth=1.0)], QUICK, estimate=False)[-1]
+    assert halved.newton_iterations > plain.newton_iterations
+    assert halved.response.force[2] == pytest.approx(plain.response.force[2], rel=1e-8)
+
+
+def test_a_path_that_stops_short_ends_in_a_state_that_is_solved_to_the_end(monkeypatch):
+    shape, real = paper().shape.without_magnet().scaled(1 / 8), load_increments.newton
+
+    def stubborn(system, solver, q, plate, *more, **options):
+        answer = real(system, solver, q, plate, *more, **options)
+        return replace(answer, reason="step_inverted") if plate.height < shape.L - 0.3 else answer
+
+    monkeypatch.setattr(load_increments, "newton", stubborn)
+    state, stop = solve_press(MeshSpecification(shape, 0.4998, "ignored", 0.25, 0.125), 0.4)
+    assert stop == "step_inverted"
+    assert 0.25 <= state.position[0] < 0.3
+    system = state.d.system
+    here = system.assemble(system.state(state.q), state.plate, tangent=False)
+    assert np.abs(here.residual).max() < 1e-9 * np.abs(here.forces[system.eliminated]).max()
+
+
+STUCK = Load(depth=1.0, shear_x=1.0, friction="stick")
+
+
+@pytest.mark.parametrize(
+    ("before", "load"),
+    [
+        (Load(depth=1e-6), Load(depth=2.0)),
+        (Load(depth=0.5), Load(depth=2.0)),
+        (replace(STUCK, depth=1e-4, shear_x=0.0), STUCK),
+        (Load(depth=1e-4, friction=0.3), Load(depth=0.5, friction=0.3)),
+    ],
+    ids=["a light touch", "half of it", "a glued shear", "friction"],
+)
+def test_a_state_does_not_depend_on_the_others_of_its_path(before, load):
+    alone, company = (trace(paper(), way, QUICK, estimate=False)[-1] for way in ([load], [before, load]))
+    assert (alone.status, company.status) == ("ok", "ok")
+    assert company.response.force == pytest.approx(alone.response.force, rel=1e-9)
+
+
+def test_a_plate_with_friction_that_lifts_off_stays_on_its_mesh():
+    """Its history lives there."""
+    way = [Load(depth=d, friction=0.3) for d in (0.5, 0.1, 0.05)]
+    first, *others = (state.dofs for state in trace(paper(), way, QUICK, estimate=False))
+    assert others == [first, first]
+
+
+def test_small_elements_under_a_deep_press_keep_their_stability():
+    """The plate's springs are stiff beside them: softer ones let the skin wrinkle from 4.31 mm on."""
+    facts = trace(paper(), [Load(depth=4.4)], STANDARD, estimate=False)[-1].facts
+    # the free skin is compressed beyond the limit of creases there, which the mesh does not open
+    assert facts.stability.is_stable
+    assert (facts.onset, facts.creased) == (None, True)
+
+
+ASIDE = np.array([0.0, 0.1, 0.0])
+
+
+@pytest.fixture(scope="module")
+def gripped():
+    """A gripped tip at rest, in a model with two harmonics and a predictor with one."""
+    one, two = (
+        MeshSpecification(SHAPE, 0.4998, "ignored", 0.25, 0.125, harmonics=n, skin_harmonics=2).build()
+        for n in (1, 2)
+    )
+    return with_predictor(at_rest(two, grip=0.3), one)
+
+
+def test_a_predictor_leads_to_the_state_that_increments_lead_to(gripped):
+    at_once, _ = predict(Solver(), Solver(), gripped, ASIDE)
+    in_steps = follow_segment(Solver(), gripped, ASIDE).state
+    np.testing.assert_array_equal(at_once.position, ASIDE)
+    assert at_once.energy == pytest.approx(in_steps.energy, rel=1e-8)
+    np.testing.assert_allclose(at_once.u, in_steps.u, atol=1e-8)
+
+
+def test_where_its_correction_fails_only_a_predictor_has_moved(gripped, monkeypatch):
+    real = load_stepping.newton
+
+    def stubborn(*given, **options):
+        return replace(real(*given, **options), reason="no_convergence")
+
+    monkeypatch.setattr(load_stepping, "newton", stubborn)
+    state, iterations = predict(Solver(), Solver(), gripped, ASIDE)
+    assert state.q is gripped.q
+    assert state.position is gripped.position
+    np.testing.assert_array_equal(state.reduced.position, ASIDE)
+    assert iterations > 0
+
+
+SECTION = specification(Scene(paper(), (Load(depth=1.0),), QUICK), 0.16, 0.08)
+
+
+def test_the_end_of_a_contact_stays_where_it_was_found():
+    """Beside one more press on a mesh that is fine where the end was found."""
+    radius = find_press(SECTION, 0.02, 0.125)
+    again = measure_contact_edge(solve_press(replace(SECTION, rim=(radius, 0.012)), 0.125)[0])
+    assert radius == pytest.approx(again, rel=0.01)
+
+
+def test_a_press_that_crushes_silicone_is_no_state_to_analyse():
+    """At 6.5 mm a press of the paper's sensor folds elements at tip and magnet; `solve` stops at 5.68 mm."""
+    with pytest.raises(NoStateError, match=r"crushes silicone to [0-9.]+ % of its volume"):
+        modes(paper(), depth=6.5, accuracy=QUICK, estimate=False)
+
+
+# Small shear of a glued plate about a press.
+
+
+@pytest.mark.parametrize("magnet", ["rigid", "ignored"])
+def test_small_shear_is_the_start_of_a_finite_one(magnet):
+    level = replace(QUICK, section_size=0.1, section_patch=0.01)
+    small = small_shear.small_shear(paper(), 1.0, magnet, accuracy=level)
+    way = 0.01
+    state = trace(paper(), [Load(depth=1.0, shear_x=way, friction="stick")], level, magnet=magnet, estimate=False)[0]
+    force, shift, tilt = state.response.force[0], state.response.shift[0], state.response.tilt
+    np.testing.assert_allclose((shift / way, tilt / way), (small.shift, small.tilt), rtol=0.01)
+    assert force / way == pytest.approx(small.stiffness, rel=0.01)
+
+
+def test_small_shear_scales_with_size_and_modulus():
+    one = small_shear.small_shear(paper(), 1.0, accuracy=QUICK)
+    other = small_shear.small_shear(replace(paper(), E=2 * paper().E), 1.0, accuracy=QUICK, estimate=False)
+    assert other.estimates == Estimates()
+    assert other.stiffness == pytest.approx(2 * one.stiffness, rel=1e-9)
+    assert other.tilt == pytest.approx(one.tilt, rel=1e-9)
+
+
+@pytest.mark.parametrize("depth", [0.0, -1.0, 50.0])
+def test_depths_that_mean_nothing(depth):
+    with pytest.raises(BadInput, match="depth"):
+        small_shear.small_shear(paper(), depth)
+
+
+def test_estimates_of_a_small_shear_hold_against_a_finer_mesh():
+    finer = replace(STANDARD, section_size=0.035, section_patch=0.001)
+    small, true = (small_shear.small_shear(paper(), 1.0, accuracy=level) for level in (QUICK, finer))
+    for name in ("stiffness", "shift", "tilt"):
+        error = abs(getattr(small, name) / getattr(true, name) - 1)
+        assert error <= getattr(small.estimates, name) < 0.03
+
+
+@pytest.mark.parametrize("model", ["full", "half", "harmonic"])
+def test_a_body_that_turns_tilts_by_that_angle(model):
+    shape = paper().shape.scaled(1 / 8)
+    motion = np.array([0.1, -0.2, 0.3])
+    if model == "harmonic":
+        d = MeshSpecification(shape, 0.4998, "ignored", 0.16, 0.16, harmonics=2).build()
+        u = rigid_inclusion.of_section(d.elements.nodes - [0, shape.H], d.elements.angles).displacement(motion)
+    else:
+        d = MeshSpecification(shape, 0.4998, "ignored", 0.3, 0.3, body="half" if model == "half" else "full").build()
+        u = rigid_inclusion.of_solid(d.elements.nodes - [0, 0, shape.H], 3).displacement(motion)
+    shift, tilt = read_pose(d, u, np.zeros(d.system.size))
+    np.testing.assert_allclose(shift, [0.1, 0, -0.2], atol=1e-12)
+    np.testing.assert_allclose(tilt, [0.3, 0], atol=1e-11)
+
+
+def test_a_shear_that_a_stopped_press_never_began_is_not_in_its_load(monkeypatch):
+    """The plate is glued after the press: a press that stops leaves the tip where the shear is 0."""
+    real = load_increments.newton
+
+    def stubborn(system, solver, q, plate, *more, **options):
+        answer = real(system, solver, q, plate, *more, **options)
+        return answer if plate.height is None or plate.height > 1.1 else replace(answer, reason="no_convergence")
+
+    monkeypatch.setattr(load_increments, "newton", stubborn)
+    load = Load(depth=1.0, shear_x=0.5, friction="stick")
+    (state,) = trace(paper(), [load], QUICK, magnet="ignored", estimate=False)
+    assert (state.status, state.load.shear_x) == ("not_converged", 0.0)
+    assert "shear" not in state.message.partition(":")[0]
