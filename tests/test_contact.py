@@ -1,4 +1,4 @@
-"""Coulomb friction: the return map, its tangent, and whole solves against limits, Mindlin and energy."""
+"""Contact: Coulomb friction against limits, Mindlin and energy; steps with their contact settled."""
 
 import math
 from dataclasses import replace
@@ -9,16 +9,15 @@ import scipy.sparse.linalg as spla
 
 from fem import equilibrium
 from fem.accuracy import QUICK
-from fem.equilibrium import solve, trace
+from fem.equilibrium import trace
 from fem.model import coulomb_friction, plate_contact
 from fem.model.plate_contact import KAPPA, Plate
 from fem.model.symmetry_models import MeshSpecification
-from fem.solve import load_increments
-from fem.solve.condensed_friction import CondensedFriction, contact_zone
-from fem.solve.direct_solver import STABLE, UNKNOWN, Solver, have_pardiso
+from fem.solve import active_set, load_increments
+from fem.solve.active_set import KeptTangent
+from fem.solve.direct_solver import Solver, have_pardiso
 from fem.solve.load_case_models import path_models
-from fem.solve.newton import Equilibrium, iterate, newton
-from fem.solve.path_state import at_rest
+from fem.solve.newton import Equilibrium, newton
 from geometry.design import Design, paper
 from geometry.loads import Load
 
@@ -95,22 +94,6 @@ def test_tangent_with_slip_is_the_derivative_of_the_residual(harmonics):
         np.testing.assert_allclose(answer, exact, atol=1e-8 * np.abs(exact).max())
 
 
-def test_sticking_contact_is_symmetric():
-    shape = Design().shape.scaled(1 / 8)
-    system = MeshSpecification(shape, 0.4998, "ignored", 0.16, 0.08).build().system
-    flat = Plate(
-        shape.L - 0.1, 50.0, np.zeros(2), friction=coulomb_friction.at_rest(1e3, system.surface.weights.shape)
-    )
-    assert system.assemble(system.state(np.zeros(system.size)), flat).symmetric
-
-
-def test_no_friction_is_the_frictionless_plate():
-    loads = [{"depth": 0.5}, {"depth": 1.0, "shear_x": 1.0}]
-    none, zero = (trace(paper(), [Load(**load, friction=mu) for load in loads], ROUGH) for mu in ("none", 0))
-    assert [s.response for s in none] == [s.response for s in zero]
-    assert [s.dissipated for s in zero] == [0, 0]
-
-
 def test_little_friction_is_nearly_none_and_much_of_it_prevents_slip(monkeypatch):
     """On springs that are equally stiff in all of them."""
     monkeypatch.setattr(equilibrium, "path_models", lambda *of: replace(path_models(*of), kappa=KAPPA))
@@ -139,20 +122,6 @@ def test_at_full_slip_the_tangential_force_is_mu_times_the_normal_one(model, lev
     assert "full slip" in state.message
     assert state.slip_share == 1
     assert state.response.force[0] == pytest.approx(0.1 * state.response.force[2], rel=0.01)
-
-
-def test_sliding_on_costs_the_force_times_the_way():
-    there, on = bare([0.8, 2.8], 0.1, depth=0.5)
-    assert on.response.force[0] == pytest.approx(there.response.force[0], rel=2e-3)
-    assert on.dissipated - there.dissipated == pytest.approx(2.0 * on.response.force[0], rel=2e-3)
-
-
-def test_direction_of_the_shear_only_turns_the_answer():
-    along, between = (
-        trace(paper(), [Load(depth=0.5, shear_x=x, shear_y=y, friction=0.1)], ROUGH, estimate=False)[0].response
-        for x, y in ((0.25, 0.0), (-0.15, 0.2))
-    )
-    np.testing.assert_allclose(between.force[:2], np.array([-0.6, 0.8]) * along.force[0], rtol=1e-6)
 
 
 def test_a_cycle_closes_its_loop_whose_area_is_dissipated():
@@ -201,19 +170,6 @@ def test_cattaneo_and_mindlin():
     assert states[4].response.force[0] == pytest.approx(mu * states[4].response.force[2], rel=0.01)
 
 
-def test_a_plate_with_friction_may_come_and_go_after_a_shear():
-    places = {"depth": 0.5, "shear_x": 0.1}, {"depth": 0.3, "shear_x": 0.1}, {}
-    loads = [Load(friction=0.2, **displacement) for displacement in places]
-    states = trace(paper(), loads, ROUGH, magnet="ignored", estimate=False)
-    assert [s.status for s in states] == ["ok", "ok", "ok"]
-    assert states[1].response.force[0] <= 0.2 * states[1].response.force[2] * (1 + 1e-6)
-    np.testing.assert_allclose(states[2].response.force, 0, atol=1e-9)
-
-
-def test_a_press_with_friction_has_error_estimates():
-    assert 0 < solve(paper(), Load(depth=0.5, friction=0.2), ROUGH).estimates.force < 0.1
-
-
 # Coulomb friction settled within each step of Newton's method: the equilibria are those of plain steps.
 
 
@@ -224,10 +180,6 @@ def never(contact, q, **options):
     """No condensed problem is solved."""
     state = contact.system.state(q)
     return Equilibrium(state, contact.system.assemble(state, None), 0, "no_convergence")
-
-
-def settled_steps(system, solver, q, plate, pressed, keeps_long=False):
-    return iterate(CondensedFriction(system, solver, plate, pressed, keeps_long=keeps_long), q)
 
 
 def forces(loads):
@@ -247,65 +199,77 @@ def test_a_path_to_and_fro_ends_in_the_states_of_plain_steps_after_fewer_iterati
     assert sum(a.newton_iterations for a in settled) < 0.7 * sum(b.newton_iterations for b in plain)
 
 
-def rest(mu):
-    """A coarse section at rest under a plate with friction, and the plate after a press and a shear of 0.02 D."""
-    d = MeshSpecification(paper().shape.scaled(0.1), 0.4998, "ignored", 0.25, 0.1, harmonics=1).build()
-    state = at_rest(d, mu=mu)
-    return state, state.plate_at(np.array([0.02, 0.02, 0.0]))
+DEPTH = 0.06
 
 
-def pressed_first(state, plate):
-    return plate_contact.overlap(state.skin, 0 * state.u, plate) > 0
+def sensor(harmonics=0):
+    shape = Design().shape.scaled(1 / 8)
+    return MeshSpecification(shape, 0.4998, "ignored", 0.2, 0.08, harmonics=harmonics).build().system
 
 
-@pytest.mark.parametrize("pardiso", sorted({False, have_pardiso()}))
-@pytest.mark.parametrize("mu", [0.05, 50.0])
-def test_both_libraries_find_the_equilibrium_of_plain_steps_and_its_stability(pardiso, mu):
-    state, plate = rest(mu)
-    own, plain = Solver(pardiso=pardiso), Solver(pardiso=pardiso)
-    answer = settled_steps(state.d.system, own, state.q, plate, pressed_first(state, plate))
-    other = newton(state.d.system, plain, state.q, plate, pressed_first(state, plate))
-    assert answer.converged
-    assert other.converged
-    np.testing.assert_allclose(answer.state.q, other.state.q, atol=1e-8 * np.abs(other.state.q).max())
-    # where all points stick the stiffness is symmetric, and its unstable directions are counted
-    assert answer.stability == other.stability == (STABLE if mu == 50.0 else UNKNOWN)
+def plate(stiffness=1e4):
+    return Plate(1.125 - DEPTH, stiffness, np.zeros(2))
 
 
-def test_the_zone_goes_beyond_the_contact_on_both_sides():
-    state, plate = rest(0.5)
-    touching = pressed_first(state, plate).any(axis=1)
-    facets = [int(contact_zone(state.d.system, touching, rings=n).facets.sum()) for n in (0, 1, 2)]
-    # the contact ends at the axis on its inner side
-    assert facets == [touching.sum(), touching.sum() + 1, touching.sum() + 2]
+def plain_step(system, held, pressed):
+    """State at rest, solver and plain step with the springs of the points `pressed`."""
+    rest = system.state(np.zeros(system.size))
+    assembly = system.assemble(rest, replace(held, pressed=pressed))
+    solver = Solver()
+    solver.factorise(assembly.tangent)
+    return rest, solver, solver.solve(assembly.residual)
 
 
-def test_the_condensed_residual_has_the_derivative_that_its_iteration_uses():
-    state, plate = rest(0.3)
-    rng = np.random.default_rng(2)
-    zone = contact_zone(state.d.system, pressed_first(state, plate).any(axis=1))
-    here, u = zone.restrict(plate), 1e-3 * rng.normal(size=(len(zone.nodes), state.u.shape[1]))
-    y, way = np.zeros(len(zone.unknowns)), rng.normal(size=len(zone.unknowns))
-    K = zone.stiffness(zone.springs(u, y, here), here)
-    h = 1e-9
-    ahead, behind = (zone.forces(zone.springs(u, y + s * h * way, here)) for s in (1, -1))
-    np.testing.assert_allclose((ahead - behind) / (2 * h), K @ way, atol=1e-5 * np.abs(K @ way).max())
+def within(system, radius):
+    points = system.surface.points
+    return (np.hypot(points[..., 0], points[..., 1]) < radius) & (points[..., 2] > 1)
 
 
-def touching(state, q, held):
-    return plate_contact.overlap(state.skin, state.d.system.state(q).u, held) > 0
+@pytest.mark.parametrize("harmonics", [0, 2])
+@pytest.mark.parametrize("radius", [0.0, 0.3])
+def test_springs_act_where_the_settled_step_presses(harmonics, radius):
+    system, held = sensor(harmonics), plate()
+    rest, solver, step = plain_step(system, held, within(system, radius))
+    q = rest.q - active_set.settle_contact(
+        system, active_set.KeptTangent(solver, within(system, radius)), rest, step, held
+    )
+    bare = system.assemble(rest, None)
+    upper = bare.tangent.toarray()
+    K = upper + np.triu(upper, 1).T
+    g = plate_contact.overlap(system.surface, system.state(q).u, held).ravel()
+    spring = held.stiffness * system.surface.weights.ravel() * np.maximum(g, 0)
+    unknowns, pushes = active_set.normal_displacements(system, np.arange(len(g)), held)
+    pushed = np.zeros(system.size)
+    pushed[unknowns] = pushes.T @ spring
+    assert np.linalg.norm(K @ q + bare.residual + pushed) < 1e-9 * np.linalg.norm(pushed)
 
 
-def test_friction_keeps_the_stiffness_of_an_earlier_state():
-    d = MeshSpecification(paper().shape.scaled(0.1), 0.4998, "ignored", 0.25, 0.1, harmonics=1).build()
-    state, solver = at_rest(d, mu=0.3), Solver()
-    system, q = d.system, state.q
-    condensed = []
-    for shear in (0.02, 0.021):
-        held = state.plate_at(np.array([0.02, shear, 0.0]))
-        near = settled_steps(system, solver, q, held, touching(state, q, held), keeps_long=True)
-        exact = settled_steps(system, Solver(), q, held, touching(state, q, held))
+DEPTHS = (0.05, 0.053, 0.056)
+
+
+def plate_at(depth):
+    return Plate(1.125 - depth, 1e4, np.zeros(2))
+
+
+def touching(system, q, held):
+    return plate_contact.overlap(system.surface, system.state(q).u, held) > 0
+
+
+@pytest.mark.parametrize("harmonics", [0, 1])
+def test_small_steps_end_in_the_equilibria_of_new_tangents(harmonics):
+    system, kept = sensor(harmonics), KeptTangent(Solver())
+    first = plate_at(DEPTHS[0])
+    q = newton(system, Solver(), np.zeros(system.size), first, touching(system, np.zeros(system.size), first)).state.q
+    kept_masks = []
+    for depth in DEPTHS:
+        held = plate_at(depth)
+        near = newton(system, kept.solver, q, held, touching(system, q, held), tangent=kept)
+        exact = newton(system, Solver(), q, held, touching(system, q, held))
+        assert near.converged
         np.testing.assert_allclose(near.state.q, exact.state.q, atol=1e-8 * np.abs(exact.state.q).max())
-        condensed.append(solver.schur)
+        assert near.stability == exact.stability
+        kept_masks.append(kept.pressed)
         q = exact.state.q
-    assert condensed[0] is condensed[1]
+    # the contact grew, the tangent of the first step did not change
+    assert kept_masks[0] is kept_masks[-1]
+    assert touching(system, q, plate_at(DEPTHS[-1])).sum() > kept_masks[0].sum()
