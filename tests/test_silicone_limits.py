@@ -8,7 +8,7 @@ import skfem
 
 from fem import equilibrium
 from fem.accuracy import QUICK, STANDARD
-from fem.equilibrium import solve, trace
+from fem.equilibrium import solve
 from fem.model import elements
 from fem.model.material import evaluate, law
 from fem.results import silicone_limits
@@ -99,12 +99,6 @@ def test_laws_that_are_called_always_stable_are_so_at_large_strains(name, number
     assert silicone_limits.always_stable(silicone) == stable
 
 
-def test_what_is_always_stable_is_never_lost():
-    path = Path(path_models(Scene(paper(), (Load(depth=2.0),), QUICK)))
-    state = path.advance(path.rest, np.array([2.0 / paper().D, 0, 0])).state
-    assert silicone_limits.find_loss(state.d.system, state.u) is None
-
-
 def cube(n=2):
     mesh = skfem.MeshTet.init_tensor(*(np.linspace(0, 1, n + 1),) * 3)
     return elements.build(skfem.MeshTet2.from_mesh(mesh), axisymmetric=False)
@@ -140,26 +134,7 @@ def test_the_strain_of_a_press_hardly_depends_on_the_mesh_or_on_the_model():
     assert strains == pytest.approx([standard.facts.largest_strain] * 2, rel=0.02)
 
 
-def test_the_strain_depends_on_shape_and_depth_over_diameter_only():
-    one = solve(paper(), Load(depth=0.5), QUICK)
-    stiff = solve(replace(paper(), E=3.0), Load(depth=0.5), QUICK)
-    assert stiff.facts.largest_strain == pytest.approx(one.facts.largest_strain, rel=1e-9)
-
-
-def test_a_shear_adds_strain():
-    sheared, more = (Load(depth=0.5, shear_x=shear, friction="stick") for shear in (1.0, 2.0))
-    pressed = solve(paper(), Load(depth=0.5), QUICK)
-    states = [pressed, *trace(paper(), [sheared, more], QUICK)]
-    strains = [state.facts.largest_strain for state in states]
-    assert 0 < strains[0] < strains[1] < strains[2]
-
-
 # Where laws are stable in homogeneous stretches, and the stretches that solves come to.
-
-
-@pytest.mark.parametrize(("name", "numbers"), [("neo-hookean", ()), ("mooney-rivlin", (0.7,))])
-def test_laws_that_are_stable_everywhere(name, numbers):
-    assert set(work.ranges(name, numbers).values()) == {work.RANGE}
 
 
 def test_stability_ends_where_the_nominal_stress_of_a_softening_law_is_largest():
@@ -169,12 +144,6 @@ def test_stability_ends_where_the_nominal_stress_of_a_softening_law_is_largest()
     low, high = work.ranges("yeoh", numbers)["uniaxial"]
     assert 0.98 * peak < high <= peak
     assert 0.3 < low < 1
-
-
-def test_a_compression_along_one_axis_is_a_tension_along_two():
-    """The same states, but for the direction in which the nominal stress has to rise: both say Drucker's limit."""
-    found = work.ranges("yeoh", (-0.02, -0.005))
-    assert found["equibiaxial"][1] == pytest.approx(found["uniaxial"][0] ** -0.5, rel=0.1)
 
 
 @pytest.mark.parametrize("stretch", [[1.0, 2.0], [0.6, 1.0], [0.8, 1.5], [1.5, 5.0]])
@@ -230,18 +199,3 @@ def test_the_range_of_solves_is_that_of_a_press_to_three_eighths_of_the_diameter
     # single points at the magnet's edge go much further
     assert np.exp(h.max()) == pytest.approx(4.3, rel=0.03)
     assert np.exp(h.min()) == pytest.approx(0.18, rel=0.03)
-
-
-def test_a_press_to_a_quarter_of_the_diameter_stays_within_what_is_stated():
-    h, volumes = visited(2.0)
-    found = most(h, volumes, 1e-3)
-    for mode, ends in {"uniaxial": (0.52, 1.18), "equibiaxial": (0.92, 1.38), "planar": (0.59, 1.64)}.items():
-        np.testing.assert_allclose(found[mode], ends, rtol=0.025)
-    assert np.exp(h.max()) == pytest.approx(2.7, rel=0.03)
-    assert np.exp(h.min()) == pytest.approx(0.33, rel=0.03)
-
-
-def test_a_press_to_an_eighth_of_the_diameter_leaves_most_of_the_silicone_within_a_quarter():
-    h, volumes = visited(1.0)
-    inside = np.abs(np.exp(h) - 1).max(axis=1) <= 0.265
-    assert volumes[inside].sum() / volumes.sum() > 0.99

@@ -1,15 +1,20 @@
 """Sideways stability of a press."""
 
+import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from analytic import buckling
 from fem.accuracy import QUICK, STANDARD
 from fem.analyses import stability
+from fem.model.symmetry_models import MeshSpecification
+from fem.results.lateral_stiffness import SidewaysModel
 from fem.scene import Scene
 from fem.solution import Estimates
-from fem.solve.direct_solver import UNKNOWN, Solver
+from fem.solve.direct_solver import UNKNOWN, Solver, Stability
+from fem.solve.press import solve_press
 from geometry.design import Design, paper
 from geometry.loads import Load
 
@@ -20,11 +25,8 @@ def test_a_slender_beam_gives_way_near_haringx_load(L):
     beam = Design(L=L)
     found = stability.critical(beam, "ignored", accuracy=QUICK, deepest=0.1 * L, estimate=False)
     assert found.force == pytest.approx(buckling.haringx(beam), rel=0.5 / (L / beam.D))
-
-
-def test_the_depth_found_stable_is_that_of_the_instability():
-    found = stability.critical(Design(L=24.0), "ignored", accuracy=QUICK, estimate=False)
     assert (1 - 1e-2) * found.depth < found.stable_to <= found.depth
+    assert found.estimates == Estimates()
 
 
 def test_an_unknown_stability_is_no_stable_one(monkeypatch):
@@ -72,11 +74,6 @@ def test_critical_depths_do_not_depend_on_the_mesh_and_estimates_hold():
     assert usual.force == pytest.approx(truth.force, rel=0.006)
 
 
-def test_estimates_can_be_left_out():
-    found = stability.critical(Design(L=24.0), "ignored", accuracy=QUICK, estimate=False)
-    assert found.estimates == Estimates()
-
-
 def test_a_companion_without_an_instability_estimates_nothing():
     one, other = stability.Critical(1.0, 2.0, 1.0, ""), stability.Critical(None, None, 3.0, "")
     scene = Scene(paper(), (Load(depth=1.0),))
@@ -84,11 +81,62 @@ def test_a_companion_without_an_instability_estimates_nothing():
     assert stability.estimate_critical(one, replace(one, depth=1.01), scene).depth > 0
 
 
-def test_a_wide_magnets_press_stays_stable_on_the_finest_elements():
-    """Softer springs of the plate let the skin wrinkle, and the search then ran back on another branch for ever."""
-    wide = Design(
-        D=4.67, L=4.72, nu=0.49991, magnet_diameter=3.12, magnet_height=1.48, magnet_edge_radius=0.0794, l0=4.72
-    )
-    finest = replace(STANDARD, section_size=0.0675, section_patch=0.003)
-    found = stability.critical(wide, accuracy=finest, deepest=1.62, estimate=False)
-    assert (found.depth, found.stable_to, found.message) == (None, 1.62, "")
+# Lateral stiffness of a pressed beam: that of a cantilever at rest, that of a column under load.
+
+
+BEAM = Design(L=40.0)
+
+
+SECTION = MeshSpecification(BEAM.shape.scaled(1 / BEAM.D), BEAM.nu, "ignored", 0.16, 0.08, rim=(0.14, 0.003))
+
+
+@pytest.fixture
+def sideways():
+    return SidewaysModel(SECTION.build())
+
+
+def press(depth):
+    state, stop = solve_press(SECTION, depth)
+    assert not stop
+    return state
+
+
+def test_at_rest_it_is_that_of_a_cantilever(sideways):
+    """The force acts at the centre of the dome's surface, D/4 below the top; the clamp keeps its section's shape."""
+    arm = BEAM.L / BEAM.D - 0.25
+    inertia, area = math.pi / 64, math.pi / 4
+    shear = 0.9 * area / (2 * (1 + BEAM.nu))
+    beam = 1 / (arm**3 / (3 * inertia) + arm / shear)
+    assert sideways.stiffness_at_rest == pytest.approx(beam, rel=0.05)
+
+
+def test_it_falls_like_that_of_a_column(sideways):
+    """k = k_0 (1 - F / F_c), F from the path's energy: the critical load is Haringx', but for the dome."""
+    rest, forces, ratios = sideways.stiffness_at_rest, [], []
+    for depth in (0.04, 0.05):
+        before, state = press(depth - 1e-4), press(depth + 1e-4)
+        forces.append((state.energy - before.energy) / 2e-4)
+        ratios.append(sideways.measure(state)[0] / rest)
+    critical = forces[0] + ratios[0] * (forces[1] - forces[0]) / (ratios[0] - ratios[1])
+    assert critical == pytest.approx(buckling.haringx(BEAM) / (BEAM.E * BEAM.D**2), rel=0.5 / (BEAM.L / BEAM.D))
+    np.testing.assert_allclose(ratios, 1 - np.array(forces) / critical, atol=0.03)
+
+
+def test_it_changes_sign_where_an_unstable_direction_appears(sideways):
+    found = [sideways.measure(press(depth)) for depth in (0.05, 0.08)]
+    assert [stability for _, stability in found] == [Stability(0), Stability(1)]
+    assert found[0][0] > 0 > found[1][0]
+
+
+@pytest.mark.parametrize("share", [0.75, 1.05])
+def test_one_state_tells_the_critical_depth(sideways, share):
+    critical = stability.critical(BEAM, "ignored", accuracy=QUICK, estimate=False).depth
+    near = sideways.margin(press(share * critical / BEAM.D))
+    assert near.critical_depth * BEAM.D == pytest.approx(critical, rel=0.05)
+    assert (near.ratio < 0) is (share > 1) is near.stability.is_unstable
+
+
+def test_far_from_giving_way_nothing_is_said_of_a_critical_depth(sideways):
+    near = sideways.margin(press(0.01))
+    assert near.critical_depth is None
+    assert 0.5 < near.ratio < 1

@@ -1,19 +1,20 @@
-"""Factorisations of sparse indefinite matrices: both libraries, against dense algebra."""
+"""Linear systems: both libraries against dense algebra, and a reduced basis against full complex solutions."""
 
-import pathlib
-from importlib import metadata
+import tracemalloc
 
 import numpy as np
 import pytest
 import scipy.sparse as sp
+import scipy.sparse.linalg as spla
 
-from fem.model.plate_contact import Plate
 from fem.model.symmetry_models import MeshSpecification
 from fem.results.lateral_stiffness import SidewaysModel
-from fem.solve import direct_solver
+from fem.solve import reduced_basis
 from fem.solve.direct_solver import STABLE, UNKNOWN, SingularMatrixError, Solver, Stability, have_pardiso
 from fem.solve.path_state import about
 from fem.solve.press import solve_press
+from fem.solve.reduced_basis import reduce
+from geometry.bad_input import SolveFailed
 from geometry.design import Design
 
 RNG = np.random.default_rng(3)
@@ -34,21 +35,6 @@ def saddle():
 def upper(matrix):
     """The upper triangle; its pattern has all of the diagonal."""
     return sp.csr_matrix(np.triu(matrix))
-
-
-def test_both_linear_solvers_agree():
-    system = (
-        MeshSpecification(Design().shape.scaled(1 / 8), 0.4998, "rigid", 0.16, 0.08, rim=(0.2, 0.04)).build().system
-    )
-    q = np.zeros(system.size)
-    q[system.n_free + system.n_rigid :] = 0.1 * RNG.normal(size=system.n_pressure)
-    here = system.assemble(system.state(q), Plate(1.125 - 0.1, 50.0, np.zeros(2)))
-    answers = []
-    for library in LIBRARIES:
-        solver = Solver(pardiso=library)
-        solver.factorise(here.tangent)
-        answers.append(solver.solve(here.residual))
-    np.testing.assert_allclose(answers[0], answers[-1], atol=1e-9 * np.abs(answers[0]).max())
 
 
 def test_one_solver_takes_matrices_of_a_pattern_one_after_the_other(solver):
@@ -122,21 +108,14 @@ def test_a_matrix_that_qdldl_does_not_factorise_is_solved_and_its_inertia_is_unk
     assert condensed is None
 
 
-def test_fewer_negative_pivots_than_pressures_are_no_count(solver):
+def test_what_is_no_count_is_unknown_and_never_a_truth_value(solver):
     solver.factorise(upper(saddle()))
+    # fewer negative pivots than pressures
     assert solver.stability(3) == UNKNOWN
-
-
-def test_a_stability_has_no_truth_value():
     with pytest.raises(TypeError, match="may be unknown"):
         bool(STABLE)
-
-
-def test_a_matrix_that_is_not_finite_is_refused(solver):
-    matrix = saddle()
-    matrix[0, 1] = np.nan
     with pytest.raises(SingularMatrixError, match="not finite"):
-        solver.factorise(upper(matrix))
+        solver.factorise(upper(saddle() * np.nan))
 
 
 def springs(foundation: float) -> sp.csr_matrix:
@@ -154,32 +133,14 @@ def test_large_matrices_have_factors_in_single_precision_where_these_are_accurat
     matrix, solver = springs(foundation), Solver()
     n = matrix.shape[0]
     b = RNG.normal(size=n)
+    # also on a path that becomes too stiff for them
+    solver.factorise(springs(0.1), single=True)
     solver.factorise(matrix, single=True)
     x = solver.solve(b)
     residual = matrix @ x + matrix.T @ x - matrix.diagonal() * x - b
     negative, own = solver.stability(0), solver._factors[True].single
     assert np.linalg.norm(residual) < (1e-6 if single else 1e-14) * np.linalg.norm(x)
     assert (negative, own) == (Stability(2), single)
-
-
-@pytest.mark.skipif(not have_pardiso(), reason="needs the extra `fast`")
-def test_a_path_that_becomes_too_stiff_for_single_precision_goes_on_in_double_precision():
-    solver = Solver()
-    for foundation in (0.1, 1e-10):
-        solver.factorise(springs(foundation), single=True)
-    assert not solver._factors[True].single
-
-
-@pytest.mark.skipif(not have_pardiso(), reason="needs the extra `fast`")
-def test_factors_are_freed_with_their_solver(monkeypatch):
-    freed, real = [], direct_solver._release
-    monkeypatch.setattr(direct_solver, "_release", lambda *call: (freed.append(call), real(*call)))
-    solver = Solver(pardiso=True)
-    solver.factorise(upper(saddle()))
-    solver.condense(upper(saddle()), np.array([1, 4]))
-    assert not freed
-    del solver
-    assert len(freed) == 2
 
 
 def pairs_of_pivots() -> np.ndarray:
@@ -206,35 +167,115 @@ def test_a_matrix_that_needs_pairs_of_pivots_gets_them():
     assert not solver._factors[True].single
 
 
-@pytest.mark.skipif(not have_pardiso(), reason="needs the extra `fast`")
-def test_kept_unknowns_beside_pairs_of_pivots_get_the_schur_complement():
-    matrix, solver, kept, inner = pairs_of_pivots(), Solver(pardiso=True), np.array([0, 3, 5]), [1, 2, 4, 6]
-    # twice, because the second condensation reuses the analysis of the first
-    for factor in (1, 2):
-        schur = solver.condense(with_diagonal(factor * matrix), kept)
-        inside = np.linalg.solve(matrix[np.ix_(inner, inner)], matrix[np.ix_(inner, kept)])
-        dense = matrix[np.ix_(kept, kept)] - matrix[np.ix_(kept, inner)] @ inside
-        np.testing.assert_allclose(schur, factor * dense, rtol=1e-9, atol=1e-12)
+KEPT = [(library, saddle) for library in LIBRARIES] + [(True, pairs_of_pivots)] * have_pardiso()
 
 
-@pytest.mark.skipif(not have_pardiso(), reason="needs the extra `fast`")
-def test_the_library_is_found_as_the_package_lists_it():
-    """The quick look where pip puts it must not find another one."""
-    files = [file for file in metadata.files("mkl") or [] if "mkl_rt" in file.name]
-    found = direct_solver._library()
-    assert found is not None
-    assert found.resolve() in [pathlib.Path(str(file.locate())).resolve() for file in files]
-
-
-def test_unknowns_that_are_kept_get_the_schur_complement(solver):
+@pytest.mark.parametrize(("pardiso", "matrix_of"), KEPT)
+def test_unknowns_that_are_kept_get_the_schur_complement(pardiso, matrix_of):
+    solver = Solver(pardiso=pardiso)
     kept, inner = np.array([1, 4, 6]), np.array([0, 2, 3, 5])
     b = RNG.normal(size=7)
     # twice, because the second condensation reuses the analysis of the first
-    for matrix in (saddle(), saddle()):
-        schur = solver.condense(upper(matrix), kept)
+    for matrix in (matrix_of(), matrix_of()):
+        schur = solver.condense(with_diagonal(matrix), kept)
         inside = np.linalg.solve(matrix[np.ix_(inner, inner)], matrix[np.ix_(inner, kept)])
         dense = matrix[np.ix_(kept, kept)] - matrix[np.ix_(kept, inner)] @ inside
         np.testing.assert_allclose(schur, dense, rtol=1e-9, atol=1e-12)
         half = solver.forward(b)
         x = solver.backward(half, np.linalg.solve(schur, half[kept]))
         np.testing.assert_allclose(x, np.linalg.solve(matrix, b), rtol=1e-9, atol=1e-12)
+
+
+def given(K, R, M, b, moving):
+    """A problem whose matrices have all entries of an upper triangle, zeros too."""
+    at = np.triu_indices(len(b))
+    return reduced_basis.Problem(*(sp.csr_matrix((A.toarray()[at], at)) for A in (K, R, M)), b, moving)
+
+
+def chain(n=60):
+    """A chain of masses on springs of which every third one does not relax, pulled at its end and in its middle."""
+    stiffness = 1.0 + 0.3 * np.sin(np.arange(n + 1))
+    relaxing = np.where(np.arange(n + 1) % 3, stiffness, 0.0)
+
+    def assembled(k):
+        return sp.diags([k[:-1] + k[1:], -k[1:-1]], [0, 1], format="csr")
+
+    b = np.zeros((n, 2))
+    b[-1, 0], b[n // 2, 1] = 1.0, 1.0
+    return given(assembled(stiffness), assembled(relaxing), sp.eye(n, format="csr"), b, n)
+
+
+def full(problem, c, eigenvalue):
+    K, R, M = (matrix + sp.triu(matrix, 1).T for matrix in (problem.K, problem.R, problem.M))
+    return spla.spsolve((K + c * R - eigenvalue * M).tocsc(), problem.b.astype(complex))
+
+
+C = np.geomspace(1e-3, 0.3, 40) + 0.1j
+EIGENVALUES = np.linspace(0.0, 0.2, 40)
+
+
+def test_reduced_solutions_equal_full_ones_at_every_frequency():
+    problem = chain()
+    system = reduce(problem, C, EIGENVALUES)
+    assert system.factorisations < len(C) / 4
+    y = system.solve(C, EIGENVALUES)
+    for i in range(len(C)):
+        x = full(problem, C[i], EIGENVALUES[i])
+        assert np.linalg.norm(system.V @ y[i] - x) < 1e-8 * np.linalg.norm(x)
+
+
+def test_the_error_bounds_the_tolerance_that_was_asked_for():
+    loose, tight = (reduce(chain(), C, EIGENVALUES, tolerance) for tolerance in (1e-3, 1e-9))
+    assert loose.error < 1e-3
+    assert tight.error < 1e-9
+    assert loose.V.shape[1] < tight.V.shape[1]
+    # rounding errors end the search
+    assert reduce(chain(20), C, EIGENVALUES, 1e-30).error < 1e-12
+    with pytest.raises(SolveFailed, match="above 1e-09"):
+        reduce(chain(), C, EIGENVALUES, most_rounds=1)
+
+
+def test_unstable_directions_at_rest_are_counted():
+    problem = chain(20)
+    soft = problem.K - 0.03 * sp.eye(20, format="csr")
+    lowest = np.linalg.eigvalsh((soft + sp.triu(soft, 1).T).toarray())
+    shifted = given(soft.tocsr(), problem.R, problem.M, problem.b, 20)
+    unstable = reduce(shifted, C, EIGENVALUES).stability.directions
+    assert unstable == np.count_nonzero(lowest < 0) > 0
+
+
+def incompressible(n=30, pressures=5):
+    """A chain all of which relaxes, with constraints on its displacements: its tangent has a block of zeros."""
+    whole, rng = chain(n), np.random.default_rng(3)
+    B = rng.normal(size=(n, pressures))
+
+    def padded(matrix, constraints):
+        return sp.bmat([[matrix, constraints], [None, sp.csr_matrix((pressures, pressures))]], format="csr")
+
+    b = np.vstack([whole.b, np.zeros((pressures, 2))])
+    return given(padded(whole.K, B), padded(whole.K, 0 * B), padded(whole.M, 0 * B), b, n)
+
+
+@pytest.mark.parametrize(("eigenvalues", "most"), [(0 * EIGENVALUES, 4), (EIGENVALUES, None)], ids=["slow", "fast"])
+def test_an_incompressible_solid_has_solutions_of_full_accuracy(eigenvalues, most):
+    """Without mass x = (u / (1 + c), p): slopes by c are pressures alone, unseen by a small system."""
+    problem = incompressible()
+    system = reduce(problem, C, eigenvalues)
+    y = system.solve(C, eigenvalues)
+    if most:  # the static solutions, and their derivatives by lambda
+        assert system.V.shape[1] <= most
+        assert np.linalg.cond(system.K) < 1e6
+    for i in range(len(C)):
+        u = full(problem, C[i], eigenvalues[i])[: problem.moving]
+        assert np.linalg.norm(system.V[: problem.moving] @ y[i] - u) < 1e-7 * np.linalg.norm(u)
+
+
+def test_the_small_systems_of_many_frequencies_are_never_held_together():
+    system = reduce(chain(), C, EIGENVALUES)
+    m, many = len(system.K), 4000
+    c, eigenvalues = np.resize(C, many), np.resize(EIGENVALUES, many)
+    tracemalloc.start()
+    system.solve(c, eigenvalues)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < many * m**2 * 16 / 4
