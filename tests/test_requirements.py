@@ -10,7 +10,7 @@ from studies.output.goals import Goal, failures
 from studies.sizing import conflicts
 from studies.sizing.candidate_variables import Space
 from studies.sizing.catalogues import catalogues_of
-from studies.sizing.conflicts import Advice, Conflict, conflict_of, demand, impossible
+from studies.sizing.conflicts import Conflict, conflict_of, demand, impossible
 from studies.sizing.requirements import AT_MOST, LIMITS, Requirements, read_requirements
 from studies.sizing.variant_search import Effort, searched, sorted_parts
 
@@ -262,12 +262,12 @@ def test_a_looser_requirement_never_gives_a_larger_demand(name, other, bounds):
 
 
 def test_sentence_and_rows():
-    advice = Advice("outer_size", 12.0, "mm", 13.2)
+    advice = {"requirement": "outer_size", "value": 12.0, "unit": "mm", "gives": 1.2, "gives_of_all": 1.2, "to": 13.2}
     missed = ({"requirement": "largest_strain", "value": 0.4, "unit": "1"},)
     found = Conflict((), 1000, None, missed, (advice,))
     assert found.sentence().endswith("a variant was found where outer_size rises to 13.2 mm")
     first, second = found.rows()
-    assert first["gives"] == pytest.approx(1.2)
+    assert first == advice
     assert (second["requirement"], second["gives"]) == ("largest_strain", None)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from cyclopts import Parameter
 
@@ -207,6 +207,7 @@ def compare(
     speed
         Also say how the forces differ if the plate moves with this speed from rest, mm/s.
     """
+    from fem.accuracy import LEVELS
     from studies.simulation import compare as study
     from studies.simulation import within_tolerance
 
@@ -218,8 +219,11 @@ def compare(
         within_tolerance.check_alone({"--accuracy": accuracy})
         chosen = within_tolerance.choose_accuracy(design, study.default_loads(design), tolerance)
         within_tolerance.say(chosen)
-    level = chosen.level_or_accuracy if chosen else accuracy or "standard"
-    return publish(partial(study.study, design, level, chosen, frequency, speed), here)
+    options: dict[str, Any] = {"frequency": frequency, "speed": speed}
+    options["accuracy"] = LEVELS[chosen.level_or_accuracy if chosen else accuracy or "standard"]
+    return publish(
+        lambda progress: study.result_of(design, study.run(design, progress=progress, **options), chosen), here
+    )
 
 
 @verb("source", "sets", "wide", "as_json")

@@ -15,7 +15,7 @@ from functools import partial
 from typing import Any
 
 from analytic import beam
-from fem.accuracy import LEVELS, STANDARD, Accuracy
+from fem.accuracy import STANDARD, Accuracy
 from geometry.design import BadInput, Design
 from geometry.loads import ANSWERED, Load, Response
 from geometry.messages import Progress
@@ -72,8 +72,7 @@ def run(
     depths : of the press, mm; by default 12 steps up to 3 D/8, or to 0.6 of the silicone on the axis if that is less.
     shears : shears of the plate, which sticks to the tip, mm; by default 0 to 3 D/8 in 6 steps.
     shear_depth : depth of the press under the shear, mm; by default a third of the deepest default of the press.
-    frequency, speed : of the motion, Hz or mm/s, at which the rows have the finite elements' force too; by default
-        neither.
+    frequency, speed : of the motion, Hz or mm/s, at which the rows have the finite elements' force too.
     """
     loads = default_loads(design, depths, shears, shear_depth)
     check_rate(design, max(max(load.depth, load.shear_x) for part in loads for load in part), frequency, speed)
@@ -88,19 +87,6 @@ def run(
     if frequency is not None or speed is not None:
         summary["rate_sentence"] = rate_sentence(design, press, frequency, speed)
     return Comparison(press, shear, summary, pressed[0], sheared[0])
-
-
-def study(
-    design: Design,
-    accuracy: str,
-    chosen: Choice | None,
-    frequency: float | None,
-    speed: float | None,
-    progress: Progress,
-) -> Result:
-    """Return the result of `magtip compare`, whose options these are; `chosen` says which model a tolerance chose."""
-    level = LEVELS[accuracy]
-    return result_of(design, run(design, accuracy=level, progress=progress, frequency=frequency, speed=speed), chosen)
 
 
 def result_of(design: Design, comparison: Comparison, chosen: Choice | None = None) -> Result:

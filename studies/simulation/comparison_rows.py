@@ -40,7 +40,6 @@ TEMPLATE = Path(__file__).with_name("templates") / "compare.j2"
 NAN = math.nan
 Figures = dict[str, Any]
 """Figures of a comparison under their names in JSON, which carry those of the Hall elements."""
-Span = tuple[float, float]
 Error = tuple[float, float]
 """A depth or a shear, mm, and the error there, %."""
 Kind = Literal["press", "shear"]
@@ -131,12 +130,12 @@ def at_rest(design: Design) -> list[tuple[float, float]]:
 
 def with_reading_errors(design: Design, rows: Sequence[FlatRow]) -> list[FlatRow]:
     """Return all rows of press and shear with the errors of their readings in % of full scale."""
-    names, rest = columns(design)[0], at_rest(design)
-    largest = [_largest_change(rows, f"fem_{name}_mT", at) for name, (at, _) in zip(names, rest, strict=True)]
-    # the elements along z, and all others
-    along = max(largest[::3]) or NAN
-    aside = max(change for k, change in enumerate(largest) if k % 3) or NAN
-    scales = {name: aside if k % 3 else along for k, name in enumerate(names)}
+    names, rest, largest = columns(design)[0], at_rest(design), [0.0, 0.0]
+    for k, (name, (at, _)) in enumerate(zip(names, rest, strict=True)):
+        changes = [abs(row[f"fem_{name}_mT"] - at) for row in rows if f"fem_{name}_mT" in row]
+        # the elements along z, and all others
+        largest[k % 3 > 0] = max(largest[k % 3 > 0], *(c for c in changes if not math.isnan(c)), 0.0)
+    scales = {name: largest[k % 3 > 0] or NAN for k, name in enumerate(names)}
 
     def errors(row: FlatRow) -> FlatRow:
         return {
@@ -147,11 +146,6 @@ def with_reading_errors(design: Design, rows: Sequence[FlatRow]) -> list[FlatRow
         }
 
     return [row | errors(row) for row in rows]
-
-
-def _largest_change(rows: Sequence[FlatRow], column: str, rest: float) -> float:
-    changes = [abs(row[column] - rest) for row in rows if column in row]
-    return max((change for change in changes if not math.isnan(change)), default=0.0)
 
 
 def check_rate(design: Design, travel: float, frequency: float | None, speed: float | None) -> None:
@@ -198,9 +192,7 @@ def factors(design: Design, travel: Array, force: Array, frequency: float | None
 def with_rate(
     design: Design, kind: Kind, rows: Sequence[FlatRow], frequency: float | None, speed: float | None
 ) -> list[FlatRow]:
-    """Return the rows of a table with the finite elements' force at a rate, N, and its change, %; without a rate the
-    rows themselves.
-    """
+    """Return the rows with the finite elements' force at a rate, N, and its change, %; without a rate the rows."""
     if frequency is None and speed is None:
         return list(rows)
     way, column = ALONG[kind]
@@ -244,15 +236,13 @@ def findings(design: Design, press: Sequence[FlatRow], shear: Sequence[FlatRow])
     """
     names, unit = columns(design)
     figures: Figures = {"depths_mm": [row["depth_mm"] for row in press], "elements": names, "output": unit}
-    rigid = _along(press, "depth_mm", "force_error_percent")
-    bare = _along(press, "depth_mm", "homogeneous_force_error_percent")
-    for beam_name, prefix, errors in (("homogeneous", "homogeneous_", bare), ("rigid", "", rigid)):
+    for beam_name, prefix in (("homogeneous", "homogeneous_"), ("rigid", "")):
+        errors = [(row["depth_mm"], row[f"{prefix}force_error_percent"]) for row in press]
         for bound in (5, 10):
             figures[f"{beam_name}_within_{bound}_percent_mm"] = spans(errors, bound)
-        figures |= _worst(f"{prefix}force_error_percent", errors)
-    figures |= _worst("shift_error_percent", _along(press, "depth_mm", "shift_error_percent"))
-    for column in (f"analytic_{name}_error_percent_FS" for name in names[:2]):
-        figures |= _worst(column, _along(press, "depth_mm", column))
+        figures |= _worst(press, "depth_mm", f"{prefix}force_error_percent")
+    for column in ("shift_error_percent", *(f"analytic_{name}_error_percent_FS" for name in names[:2])):
+        figures |= _worst(press, "depth_mm", column)
     figures |= _output_against_force(design, press, f"{names[0]}_{unit}")
     figures |= _secant(design, figures["depths_mm"])
     figures |= _shear_figures(design, shear, names)
@@ -265,13 +255,13 @@ def findings(design: Design, press: Sequence[FlatRow], shear: Sequence[FlatRow])
     return figures
 
 
-def spans(errors: Sequence[Error], bound: float) -> list[Span]:
+def spans(errors: Sequence[Error], bound: float) -> list[tuple[float, float]]:
     """Return the runs of neighbouring places at which an error stays within a bound, in %.
 
     >>> spans([(1.0, -9.0), (2.0, 4.0), (3.0, 1.0)], 5)
     [(2.0, 3.0)]
     """
-    runs: list[Span] = []
+    runs: list[tuple[float, float]] = []
     inside = False
     for place, error in errors:
         fits = abs(error) <= bound
@@ -281,19 +271,15 @@ def spans(errors: Sequence[Error], bound: float) -> list[Span]:
     return runs
 
 
-def _along(rows: Sequence[FlatRow], place: str, column: str) -> list[Error]:
-    return [(row[place], row[column]) for row in rows]
-
-
 def _largest_percent(rows: Sequence[FlatRow], column: str) -> float:
     estimates = [row[f"{beam}{column}"] for row in rows for beam in ("", "homogeneous_")]
     return 100 * max(filter(math.isfinite, estimates), default=NAN)
 
 
-def _worst(name: str, errors: Sequence[Error]) -> dict[str, float]:
-    finite = [(place, error) for place, error in errors if math.isfinite(error)]
-    place, error = max(finite, key=lambda pair: abs(pair[1]), default=(NAN, NAN))
-    return {f"worst_{name}": error, f"worst_{name}_at_mm": place}
+def _worst(rows: Sequence[FlatRow], place: str, column: str, prefix: str = "") -> dict[str, float]:
+    finite = [(row[place], row[column]) for row in rows if math.isfinite(row[column])]
+    at, error = max(finite, key=lambda pair: abs(pair[1]), default=(NAN, NAN))
+    return {f"worst_{prefix}{column}": error, f"worst_{prefix}{column}_at_mm": at}
 
 
 def _output_against_force(design: Design, press: Sequence[FlatRow], output: str) -> dict[str, float]:
@@ -301,19 +287,14 @@ def _output_against_force(design: Design, press: Sequence[FlatRow], output: str)
     needed = ("fem_force_N", f"fem_{output}", "analytic_force_N", f"analytic_{output}")
     points = [tuple(row[name] for name in needed) for row in press]
     finite = [point for point in points if all(map(math.isfinite, point))]
-    result = {f"{output}_against_force_error_percent_FS": NAN, f"{output}_against_force_up_to_N": NAN}
-    if not finite:
-        return result
     _, rest = at_rest(design)[0]
-    force, seen, model_force, model_seen = np.array(finite).T
-    shared = force <= model_force.max()
-    if not shared.any() or seen[-1] == rest:
-        return result
-    at_equal_force = np.interp(force[shared], np.append(0.0, model_force), np.append(rest, model_seen))
-    error = 100 * (at_equal_force - seen[shared]) / np.abs(seen - rest).max()
-    result[f"{output}_against_force_error_percent_FS"] = float(error[np.abs(error).argmax()])
-    result[f"{output}_against_force_up_to_N"] = float(force[shared].max())
-    return result
+    force, seen, model_force, model_seen = np.array(finite).reshape(-1, 4).T
+    shared, worst, most = force <= model_force.max(initial=-np.inf), NAN, NAN
+    if shared.any() and seen[-1] != rest:
+        at_equal_force = np.interp(force[shared], np.append(0.0, model_force), np.append(rest, model_seen))
+        error = 100 * (at_equal_force - seen[shared]) / np.abs(seen - rest).max()
+        worst, most = float(error[np.abs(error).argmax()]), float(force[shared].max())
+    return {f"{output}_against_force_error_percent_FS": worst, f"{output}_against_force_up_to_N": most}
 
 
 def _secant(design: Design, depths: Sequence[float]) -> dict[str, float]:
@@ -339,23 +320,17 @@ def _shear_figures(design: Design, shear: Sequence[FlatRow], elements: Sequence[
     figures = {"shear_depth_mm": shear[0]["depth_mm"] if shear else NAN}
     figures["shear_stiffness_N_per_mm"] = beam.cantilever_stiffness(design)
     for label, row in zip(("first", "last"), (moved[0], moved[-1]) if moved else (), strict=False):
-        figures |= _per_mm(label, row)
+        way = figures[f"{label}_shear_mm"] = row["shear_mm"]
+        for model in ("fem", "fem_homogeneous"):
+            figures[f"{model}_{label}_stiffness_N_per_mm"] = row[f"{model}_force_x_N"] / way
+            figures[f"{model}_{label}_tilt_deg_per_mm"] = math.degrees(row[f"{model}_tilt_rad"]) / way
+            figures[f"{model}_{label}_shift_per_mm"] = row[f"{model}_shift_x_mm"] / way
+        figures["analytic_shift_per_mm"] = row["analytic_shift_x_mm"] / way
     for column in ("force_x_error_percent", "homogeneous_force_x_error_percent"):
-        figures |= _worst(column, _along(moved, "shear_mm", column))
+        figures |= _worst(moved, "shear_mm", column)
     for column in (f"{model}_{name}_error_percent_FS" for model in ("untilted", "analytic") for name in elements):
-        figures |= _worst(f"shear_{column}", _along(shear, "shear_mm", column))
+        figures |= _worst(shear, "shear_mm", column, "shear_")
     return figures
-
-
-def _per_mm(label: str, row: FlatRow) -> dict[str, float]:
-    """Return stiffness, tilt and shift of a sheared state per mm of shear."""
-    way = row["shear_mm"]
-    found = {f"{label}_shear_mm": way}
-    for model in ("fem", "fem_homogeneous"):
-        found[f"{model}_{label}_stiffness_N_per_mm"] = row[f"{model}_force_x_N"] / way
-        found[f"{model}_{label}_tilt_deg_per_mm"] = math.degrees(row[f"{model}_tilt_rad"]) / way
-        found[f"{model}_{label}_shift_per_mm"] = row[f"{model}_shift_x_mm"] / way
-    return found | {"analytic_shift_per_mm": row["analytic_shift_x_mm"] / way}
 
 
 def sentences(part: str, figures: Figures) -> list[str]:

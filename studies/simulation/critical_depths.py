@@ -71,10 +71,9 @@ def at_design(design: Design, magnet: Magnet, accuracy: str, depth: float | None
     progress(0.4, "guided tip")
     guided = stability.critical(design, magnet, guided=True, accuracy=level)
     haringx = buckling.haringx(design)
+    texts: FlatRow = {}
     record: FlatRow = {
-        "status": "unknown" if free.message or guided.message else "ok",
-        # both searches may end for the same reason, which is then named once
-        "message": _joined(*dict.fromkeys((free.message, guided.message))),
+        **_verdict(free, guided),
         **_critical(free),
         "euler_N": buckling.euler(design),
         "haringx_N": haringx,
@@ -93,12 +92,21 @@ def at_design(design: Design, magnet: Magnet, accuracy: str, depth: float | None
             status, sentence = _stability_at(record, depth, shear.stiffness)
             record |= _small_shear(depth, shear)
         record |= {"status": status, "message": _joined(record["message"], sentence)}
-    shown = Table(title="Stability", rows=[record | _without_instability(record)])
+    for tip in ("", "guided_"):
+        if record[f"{tip}critical_depth_mm"] is None:
+            texts[f"{tip}critical_depth_mm"] = f"none up to {record[f'{tip}stable_to_mm']:.5g}"
+    shown = Table(title="Stability", rows=[record | texts])
     return Result(title="Stability", records=[record], shown=[shown], failures=failure_of([record]))
 
 
 def _joined(*sentences: str) -> str:
     return "; ".join(sentence for sentence in sentences if sentence)
+
+
+def _verdict(free: Critical, guided: Critical) -> FlatRow:
+    # both searches may end for the same reason, which is then named once
+    message = _joined(*dict.fromkeys((free.message, guided.message)))
+    return {"status": "unknown" if message else "ok", "message": message}
 
 
 def _critical(found: Critical, prefix: str = "") -> FlatRow:
@@ -140,26 +148,13 @@ def _stability_at(record: FlatRow, depth: float, stiffness: float) -> tuple[str,
     return record["status"], ""
 
 
-def _without_instability(record: FlatRow) -> FlatRow:
-    """Return texts such as "none up to 3.5" for the critical depths that were not found."""
-    return {
-        f"{tip}critical_depth_mm": f"none up to {record[f'{tip}stable_to_mm']:.5g}"
-        for tip in ("", "guided_")
-        if record[f"{tip}critical_depth_mm"] is None
-    }
-
-
 def over_slenderness(
     design: Design, magnet: Magnet, accuracy: str, slenderness: Sequence[float], progress: Progress
 ) -> Result:
     """Find the critical depths of a free and of a guided tip at each L/D, one row each, beside the formulas.
 
-    A row of a length that the design refuses has the status refused and no numbers.
-
-    Raises
-    ------
-    Interrupted
-        After Ctrl-C, with the rows that are complete.
+    A row of a length that the design refuses has the status refused and no numbers. Ctrl-C leaves the rows that are
+    complete.
     """
     if magnet == "ignored":
         design = replace(design, magnet_diameter=0.0, magnet_height=0.0, magnet_edge_radius=0.0)
@@ -185,32 +180,23 @@ def over_slenderness(
 
 
 def _row(design: Design, magnet: Magnet, accuracy: str, ratio: float) -> FlatRow:
-    length = ratio * design.D
-    columns: FlatRow = {"L_over_D": ratio, "L_mm": length, "magnet": magnet, "status": "refused"}
-    columns |= {**dict.fromkeys(COLUMNS), "message": ""}
-    try:
-        return columns | _solve(replace(design, L=length, l0=length), magnet, accuracy)
-    except BadInput as error:
-        return columns | {"message": str(error)}
-
-
-def _solve(beam: Design, magnet: Magnet, accuracy: str) -> FlatRow:
     from fem.accuracy import LEVELS
     from fem.analyses import stability
 
-    free, guided = (
-        stability.critical(beam, magnet, guided=guided, accuracy=LEVELS[accuracy]) for guided in (False, True)
-    )
-    loads = {name: load(beam) for name, load in FORMULAS.items()}
-    message = _joined(*dict.fromkeys((free.message, guided.message)))
-    return {
-        "status": "unknown" if message else "ok",
-        **_critical(free),
-        **_critical(guided, "guided_"),
-        **{f"{name}_N": load for name, load in loads.items()},
-        **{f"{name}_depth_mm": buckling.depth(beam, load) for name, load in loads.items()},
-        "message": message,
-    }
+    length = ratio * design.D
+    row: FlatRow = {"L_over_D": ratio, "L_mm": length, "magnet": magnet, "status": "refused"}
+    row |= {**dict.fromkeys(COLUMNS), "message": ""}
+    try:
+        beam = replace(design, L=length, l0=length)
+        free, guided = (
+            stability.critical(beam, magnet, guided=guided, accuracy=LEVELS[accuracy]) for guided in (False, True)
+        )
+        loads = {name: load(beam) for name, load in FORMULAS.items()}
+        depths = {f"{name}_depth_mm": buckling.depth(beam, load) for name, load in loads.items()}
+    except BadInput as error:
+        return row | {"message": str(error)}
+    row |= _verdict(free, guided) | _critical(free) | _critical(guided, "guided_")
+    return row | {f"{name}_N": load for name, load in loads.items()} | depths
 
 
 def page(rows: Sequence[FlatRow]) -> str:

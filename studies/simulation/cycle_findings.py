@@ -66,14 +66,7 @@ def run(
 ) -> Result:
     """Follow a motion by one law or two, and search for the loss factor of a gap, percent, if one is wanted.
 
-    Parameters
-    ----------
-    warnings : those of the options, which the result repeats.
-
-    Raises
-    ------
-    Interrupted
-        After Ctrl-C, with the loops of the cycles that are complete.
+    The result repeats `warnings`, those of the options. Ctrl-C leaves the loops of the cycles that are complete.
     """
     accuracy, magnet, gap = options.accuracy, options.magnet, options.gap
     laws: tuple[ViscousLaw, ...] = ("prony", "finite") if options.second_law else ("prony",)
@@ -129,8 +122,7 @@ def _result(
 
 
 def _table(cycles: Cycles) -> Table:
-    law = "linear overstresses" if cycles.law == "prony" else "law for large rates"
-    return Table(title=f"Loops, {law}", rows=cycles.loops)
+    return Table(title=f"Loops, {time_figures.LAWS[cycles.law]}", rows=cycles.loops)
 
 
 def _interrupted(followed: Sequence[Cycles], motion: Motion) -> Interrupted:
@@ -162,21 +154,14 @@ def lowest_frequency(design: Design, magnet: Magnet) -> float:
 
 
 def inertia(motion: Motion, lowest: float) -> list[str]:
-    """Return a sentence if the motion is too fast for a model without inertia.
-
-    Below a natural frequency inertia changes a response by about (frequency / natural frequency)^2.
-    """
+    """Return a sentence if the motion is too fast for a model without inertia."""
+    # below a natural frequency inertia changes a response by about (frequency / natural frequency)^2
     share = (motion.frequency / lowest) ** 2
     return sentences("inertia", motion=motion, lowest=lowest, share=share) if share > FAST**2 else []
 
 
 def notes(design: Design, motion: Motion, static: Static, followed: Sequence[Cycles], lowest: float) -> list[str]:
-    """Return what the numbers assume and how accurate they are, and how far both laws differ, in sentences.
-
-    Parameters
-    ----------
-    lowest : lowest natural frequency of the free sensor, Hz.
-    """
+    """Return what the numbers assume and how accurate they are, and how far both laws differ, in sentences."""
     relaxation = relaxation_of(design)
     linear = loop(relaxation, motion.frequency, motion.waveform, motion.hold).hysteresis
     said = sentences(

@@ -160,10 +160,7 @@ def build_mesh(
 ) -> FlatRow:
     """Mesh the sensor, or its half at y >= 0, write the mesh to a .vtu file and measure its quality.
 
-    Parameters
-    ----------
     size : edge length away from small features, mm; default: D/8.
-    mesher : the section turned about the axis, or pytetwild.
     """
     file = atomic_files.check_output_file(out, ".vtu")
     length = design.D / 8 if size is None else size
@@ -195,13 +192,10 @@ def build_mesh(
         "file": str(file),
         "size_mm": length,
         "seconds": seconds,
-        "cells": found["cells"],
-        "nodes": found["nodes"],
+        **{name: found[name] for name in ("cells", "nodes")},
         **{f"{name}_volume_mm3": value for name, value in found["volumes"].items()},
         **{f"{name}_volume_error": value for name, value in found["volume_errors"].items()},
         "base_error": found["base_error"],
         "gap_mm": found["gap"],
-        "least_shape": found["least_shape"],
-        "mean_shape": found["mean_shape"],
-        "least_jacobian": found["least_jacobian"],
+        **{name: found[name] for name in ("least_shape", "mean_shape", "least_jacobian")},
     }

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from geometry import design_digest
 from geometry.bad_input import SolveFailed
 from geometry.design import BadInput, Design
-from geometry.loads import STEEPEST, Load, Magnet
+from geometry.loads import STEEPEST, Load
 from geometry.messages import Progress
 from studies.inputs import user_input
 from studies.inputs.option_groups import Method, Motion
@@ -48,22 +48,18 @@ def loads_of(motion: Motion) -> list[Load]:
     """
     slides = _check_motion(motion)
     contact = friction_of(motion.friction, "stick" if slides and motion.grip is None else "none")
-    tilt = plate_tilt_of(motion.plate_tilt)
-    if motion.depths is not None:
-        depths = user_input.parse_numbers("--depths", motion.depths)
-        unpressed = Load(friction=contact, plate_tilt=tilt, imperfection=motion.imperfection)
-        return [replace(unpressed, depth=value) for value in depths]
-    count = count_of(motion.steps)
     full = Load(
         depth=motion.depth or 0.0,
         shear_x=motion.shear or 0.0,
         shear_y=motion.shear_y or 0.0,
         friction=contact,
         grip=motion.grip,
-        plate_tilt=tilt,
+        plate_tilt=plate_tilt_of(motion.plate_tilt),
         imperfection=motion.imperfection,
     )
-    shares = [(k + 1) / count for k in range(count)]
+    if motion.depths is not None:
+        return [replace(full, depth=value) for value in user_input.parse_numbers("--depths", motion.depths)]
+    shares = shares_of(motion.steps)
     if slides:
         return [replace(full, shear_x=share * full.shear_x, shear_y=share * full.shear_y) for share in shares]
     return [replace(full, depth=share * full.depth) for share in shares]
@@ -128,13 +124,12 @@ def friction_of(text: str | None, default: Literal["none", "stick"]) -> float | 
         raise BadInput(f"--friction must be none, stick or a coefficient of 0 or more; got {text!r}") from None
 
 
-def count_of(steps: int | None) -> int:
-    """Check --steps; default: 1."""
-    if steps is None:
-        return 1
-    if not 1 <= steps <= MOST_STEPS:
+def shares_of(steps: int | None) -> list[float]:
+    """Return the shares of a load that --steps reaches one after the other; default: the whole."""
+    count = 1 if steps is None else steps
+    if not 1 <= count <= MOST_STEPS:
         raise BadInput(f"--steps must be a whole number between 1 and {MOST_STEPS}; got {steps}")
-    return steps
+    return [(k + 1) / count for k in range(count)]
 
 
 # Loads that reach a force
@@ -158,8 +153,7 @@ def targets_of(motion: Motion) -> list[ForceTarget]:
     load = Load(friction=contact, plate_tilt=plate_tilt_of(motion.plate_tilt), imperfection=motion.imperfection)
     if motion.forces is not None:
         return [ForceTarget(force, None, load) for force in user_input.parse_numbers("--forces", motion.forces)]
-    force, count = motion.force or 0.0, count_of(motion.steps)
-    shares = [(k + 1) / count for k in range(count)]
+    force, shares = motion.force or 0.0, shares_of(motion.steps)
     if not sheared:
         return [ForceTarget(share * force, None, load) for share in shares]
     x, y = motion.shear_force or 0.0, motion.shear_force_y or 0.0
@@ -193,25 +187,21 @@ def approximate_loads(targets: Sequence[ForceTarget]) -> list[Load]:
 def columns(loads: list[Load]) -> list[str]:
     """Return the columns for a table of several states: the loads that vary, and the response."""
     aside = any(load.shear_y for load in loads)
-    shown = {
-        "status": True,
-        "depth_mm": loads[0].grip is None,
-        "shear_mm": any(load.shear_x for load in loads),
-        "shear_y_mm": aside,
-        "plate_tilt_rad": bool(loads[0].plate_tilt),
-        "force_N": True,
-        "shift_mm": True,
-        "tilt_rad": True,
-        "tilt_y_rad": aside,
-        "contact_radius_mm": loads[0].grip is None,
-        "slip_share": loads[0].coulomb is not None,
-        "error_estimate": True,
-        "shift_error_estimate": True,
-        "tilt_error_estimate": True,
-        "sideways_error_estimate": aside or any(load.shear_x for load in loads),
-        "seconds": True,
-    }
-    return [key for key, wanted in shown.items() if wanted]
+    along, plate = any(load.shear_x for load in loads), loads[0].grip is None
+    return [
+        "status",
+        *["depth_mm"] * plate,
+        *["shear_mm"] * along,
+        *["shear_y_mm"] * aside,
+        *["plate_tilt_rad"] * bool(loads[0].plate_tilt),
+        *("force_N", "shift_mm", "tilt_rad"),
+        *["tilt_y_rad"] * aside,
+        *["contact_radius_mm"] * plate,
+        *["slip_share"] * (loads[0].coulomb is not None),
+        *("error_estimate", "shift_error_estimate", "tilt_error_estimate"),
+        *["sideways_error_estimate"] * (aside or along),
+        "seconds",
+    ]
 
 
 def solve(
@@ -226,28 +216,26 @@ def solve(
 ) -> Generator[FlatRow]:
     """Solve the loads one after the other, and yield the row of each state as soon as it is reached.
 
-    The files show the last state. They are also written after an interruption, or if the caller closes the generator.
-
-    Parameters
-    ----------
-    out, picture : paths of the .vtu file and of the .png file; None writes none.
-    targets : forces that the states must have; `loads` are then loads of the same kind.
+    The files, .vtu and .png, show the last state. They are also written after an interruption, or if the caller
+    closes the generator. Of targets, forces that the states must have, `loads` are loads of the same kind.
     """
     from fem import equilibrium
     from fem.analyses import force_targets
     from fem.scene import Scene
 
-    vtu = None if out is None else atomic_files.check_output_file(out, ".vtu")
-    png = None if picture is None else atomic_files.check_output_file(picture, ".png")
+    files = (
+        None if out is None else atomic_files.check_output_file(out, ".vtu"),
+        None if picture is None else atomic_files.check_output_file(picture, ".png"),
+    )
     method, mesh = _read_mesh(design, method)
     level = _level(loads, method)
     if targets:
         states = force_targets.walk_forces(
             design, targets, level, magnet=method.magnet, model=method.model, progress=progress, mesh=mesh
         )
-        return _rows(design, [target.load for target in targets], method, states, vtu, png)
+        return _rows(design, [target.load for target in targets], method, states, *files)
     scene = Scene(design, tuple(loads), level, method.magnet, method.model, mesh)
-    return _rows(design, loads, method, equilibrium.walk(scene, progress=progress), vtu, png)
+    return _rows(design, loads, method, equilibrium.walk(scene, progress=progress), *files)
 
 
 def _read_mesh(design: Design, method: Method) -> tuple[Method, Any]:
@@ -304,27 +292,15 @@ def _rows(
                 yield state_rows.solved_row(last, made_for)
         except SolveFailed as error:
             # no mesh, for instance: the row says so, and the exit status is that of a failed solve
-            yield state_rows.state_row(
-                loads[reached],
-                None,
-                method.model,
-                made_for,
-                status="not_converged",
-                message=str(error),
-                stop="no_mesh",
-            )
+            lost: dict[str, Any] = {"status": "not_converged", "message": str(error), "stop": "no_mesh"}
+            yield state_rows.state_row(loads[reached], None, method.model, made_for, **lost)
         finally:
-            if last is not None:
-                _write(design, last, method.magnet, vtu, png)
+            if last is not None and vtu is not None:
+                vtk_files.write_field(vtu, last)
+            if last is not None and png is not None:
+                from studies.output.solution_pictures import section_picture
 
-
-def _write(design: Design, state: Solution, magnet: Magnet, vtu: Path | None, png: Path | None) -> None:
-    if vtu is not None:
-        vtk_files.write_field(vtu, state)
-    if png is not None:
-        from studies.output.solution_pictures import section_picture
-
-        section_picture(png, design, state, magnet=magnet)
+                section_picture(png, design, last, magnet=method.magnet)
 
 
 def loads_at_quick(design: Design, targets: Sequence[ForceTarget], method: Method, progress: Progress) -> list[Load]:
@@ -371,13 +347,7 @@ def change_of_force(record: FlatRow) -> str:
 
 
 def analytic(design: Design, depth: float, shear: tuple[float, float], level: str) -> Result:
-    """Return the response by the formulas of a level, with the readings of the Hall elements.
-
-    Parameters
-    ----------
-    depth : of the press, mm.
-    shear : of the plate along x and y, mm; the tip sticks to the plate.
-    """
+    """Return the response by the formulas of a level, with the readings of the Hall elements; the tip sticks."""
     from analytic import beam, hall
 
     friction: Literal["none", "stick"] = "stick" if any(shear) else "none"
@@ -385,13 +355,7 @@ def analytic(design: Design, depth: float, shear: tuple[float, float], level: st
     response = beam.solve(design, load, level)
     readings = hall.readings(design, response) if design.shape.has_magnet else None
     warnings = field_readings.warnings(design, readings, response.shift, response.rotation) if readings else []
-    row = state_rows.formula_row(
-        load,
-        response,
-        readings,
-        level=level,
-        message=beam.outside(design, load, level),
-        warnings=warnings,
-        made_for=design_digest.of_mechanics(design, "ignored" if readings is None else "rigid"),
-    )
+    made_for = design_digest.of_mechanics(design, "ignored" if readings is None else "rigid")
+    said = beam.outside(design, load, level)
+    row = state_rows.formula_row(load, response, readings, made_for, level=level, message=said, warnings=warnings)
     return of_record("Formulas", row, (*state_rows.FACTS, "made_for"))

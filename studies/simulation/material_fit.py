@@ -69,11 +69,7 @@ def _design_file(path: str, rms: str, command: str, lines: Sequence[str]) -> str
 def laws(path: str, nu: float, asked: str | None, command: str, progress: Progress, *, wide: bool = False) -> Result:
     """Fit all laws to the uniaxial test in a file, the best first; at most one is chosen, and is in design.toml.
 
-    Parameters
-    ----------
-    asked : the law that the user chooses.
-    command : command line that design.toml names as its origin.
-    wide : whether the terminal shows one wide table.
+    asked, command : the law that the user chooses, and the command line that design.toml names as its origin.
     """
     data = material_tests.read_specimen(path)
     progress(0.0, "fits of all laws")
@@ -157,11 +153,6 @@ def branches(
     """Fit Prony branches to the test in a file: a record for each number of branches, the least AICc first.
 
     If the chosen one has no branches, or an E that a design cannot have, there is no design.toml.
-
-    Parameters
-    ----------
-    stretch, ramp : held stretch, and the time in which it rose, s, where the file does not state them.
-    command, wide : as in `laws`.
     """
     if not 0.0 <= nu <= 0.5:
         raise BadInput(f"--nu must lie between 0 and 0.5; got {nu:g}")

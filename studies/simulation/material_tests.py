@@ -258,11 +258,6 @@ def _check_strain(path: str, column: str, stretch: Array, stress: Array) -> None
     """Refuse strains that give the modulus of no silicone, but would give one if they were fractions or percent.
 
     The modulus is that of the neo-Hookean law through all points: stress = E / 3 (stretch - stretch^-2).
-
-    Parameters
-    ----------
-    column : name of the column of which the stretches are.
-    stretch, stress : shape (n,) each; stress in MPa.
     """
     if column not in SAME_WORD:
         return
@@ -286,12 +281,7 @@ def _check_strain(path: str, column: str, stretch: Array, stress: Array) -> None
 
 
 def read(path: str, nu: float, stretch: float | None = None, ramp: float | None = None) -> Test:
-    """Read the relaxation test or dynamic test in a CSV file.
-
-    Parameters
-    ----------
-    stretch, ramp : held stretch, and the time in which it rose, s, where the file has no columns of them.
-    """
+    """Read the relaxation test or dynamic test in a CSV file; stretch and ramp, s, are for a file without them."""
     table = _Table(path)
     return _dynamic(table, nu) if kind_of(path) == "dynamic" else _relaxation(table, nu, stretch, ramp)
 

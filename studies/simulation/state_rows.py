@@ -44,11 +44,8 @@ ERRORS = {"error_estimate": "force"} | {f"{name}_error_estimate": name for name 
 
 
 def state_row(load: Load, response: Response | None, model: str, made_for: Fields, **known: Any) -> FlatRow:
-    """Return the row of one state of a path.
+    """Return the row of one state of a path, whose response is None where it was not solved.
 
-    Parameters
-    ----------
-    response : None for a state that was not solved.
     made_for : fields of the design that the state depends on.
     known : values of other columns; the others are those of a state without a solve by finite elements.
     """
@@ -108,19 +105,13 @@ def formula_row(
     load: Load,
     response: Response,
     readings: Readings | None,
+    made_for: Fields,
     *,
     level: str,
     message: str,
     warnings: list[str],
-    made_for: Fields,
 ) -> FlatRow:
-    """Return the row of the formulas of a level, with one value for each Hall element.
-
-    Parameters
-    ----------
-    readings : None without a magnet.
-    warnings : saturated elements and collisions, in sentences.
-    """
+    """Return the row of the formulas of a level, with one value for each Hall element; None without a magnet."""
     output = None if readings is None else list(readings.output)
     volts = readings is not None and set(readings.units) == {"V"}
     return {

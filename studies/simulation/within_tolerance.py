@@ -56,10 +56,8 @@ def run(
 ) -> tuple[str, Generator[FlatRow]]:
     """Return the title of a table of states, and their rows, which are solved one after the other.
 
-    Parameters
-    ----------
-    targets : forces that the states must have; `loads` are then of the same kind. The model for a tolerance is chosen
-        for their loads at accuracy quick: it would otherwise depend on the depth that it has to find.
+    The model for a tolerance with targets is chosen for their loads at accuracy quick: it would otherwise depend on
+    the depth that it has to find.
     """
     options: dict[str, Any] = {"out": out, "picture": picture, "progress": progress, "targets": targets}
     if method.tolerance is None:
@@ -98,11 +96,7 @@ def solve(design: Design, loads: list[Load], method: Method, choice: Choice, **o
     """Yield the rows of the states by the chosen model, each with the columns of the choice.
 
     The rows of finite elements come when the whole path is solved, because its error estimates may require another
-    one.
-
-    Parameters
-    ----------
-    options : of `load_cases.solve`.
+    one; `options` are those of `load_cases.solve`.
     """
     if choice.model_kind != "fem":
         for load in loads:
@@ -123,12 +117,7 @@ def solve(design: Design, loads: list[Load], method: Method, choice: Choice, **o
 
 
 def _checked(row: FlatRow, design: Design, like: Load, choice: Choice) -> FlatRow:
-    """Return the row of a solved state, with status UNMET and the reason if it is not known to meet the tolerance.
-
-    Parameters
-    ----------
-    like : a load of the same kind as that of the state.
-    """
+    """Return the row of a solved state, with status UNMET and the reason if it is not known to meet the tolerance."""
     force = row["force_N"]
     if row["status"] not in ANSWERED or force is None:
         return row

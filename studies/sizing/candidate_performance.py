@@ -199,8 +199,6 @@ WORST = ("strain", "resolution_z", "resolution_x", "saturation", "decoding", "dr
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Rated:
-    """Sensors that reach the required press, under all loads."""
-
     sensors: Sensors
     pressed: Curves
     known: Array

@@ -96,29 +96,18 @@ class HallPartEntry:
 
     def fields(self) -> dict[str, float | str]:
         """Return the fields of a `Design` with this part, but for its noise: see `noise_fields`."""
+        if self.layout == "three":
+            names = ("gain", "null", "low", "high", "plate")
+            return {"hall_layout": "three", **{f"hall_{name}": getattr(self, name) for name in names}}
+        values: dict[str, float] = {"count": float(self.count)} if self.count > 1 else {}
         if self.layout == OWN:
-            body = {
-                "length": self.width,
-                "width": self.height,
-                "height": self.thickness,
-                "plate": self.plate_height or 0.0,
-            }
-            own = {"range": self.high, "step": self.step, "noise": self.noise or 0.0, **body}
-            return {"hall_layout": OWN, **{f"chip_{name}": value for name, value in (own | self._count).items()}}
-        if self.layout != "three":
+            values |= {"range": self.high, "step": self.step, "noise": self.noise or 0.0}
+            values |= {"length": self.width, "width": self.height, "height": self.thickness}
+            values |= {"plate": self.plate_height or 0.0}
+        elif self.noise and self.noise != CHIPS[self.layout].noise:
             # the noise that a user has measured replaces that of the data sheet
-            noise = {"chip_noise": self.noise} if self.noise and self.noise != CHIPS[self.layout].noise else {}
-            return {
-                "hall_layout": self.layout,
-                **noise,
-                **{f"chip_{name}": value for name, value in self._count.items()},
-            }
-        values = {"gain": self.gain, "null": self.null, "low": self.low, "high": self.high, "plate": self.plate}
-        return {"hall_layout": "three", **{f"hall_{name}": value for name, value in values.items()}}
-
-    @property
-    def _count(self) -> dict[str, float]:
-        return {"count": float(self.count)} if self.count > 1 else {}
+            values["noise"] = self.noise
+        return {"hall_layout": self.layout, **{f"chip_{name}": value for name, value in values.items()}}
 
     @property
     def unusable(self) -> str:
@@ -132,14 +121,11 @@ class HallPartEntry:
     def noise_fields(self, bandwidth: float | None = None) -> dict[str, float]:
         """Return the fields of a `Design` for the part's white noise; none for a chip, whose noise the layout has.
 
-        Parameters
-        ----------
-        bandwidth : -3 dB of a low pass of first order before the converter, Hz; default: that of the part, which is
-            also the largest.
+        bandwidth : -3 dB of a low pass of first order before the converter, Hz, at most that of the part.
         """
         if self.noise_density is None or self.bandwidth is None:
             return {}
-        band = self.bandwidth if bandwidth is None else min(bandwidth, self.bandwidth)
+        band = min(bandwidth or math.inf, self.bandwidth)
         return {"hall_noise_density": self.gain * self.noise_density, "hall_bandwidth": FILTER * band}
 
 
@@ -193,21 +179,19 @@ class Key:
     default: Any
 
 
-def _default(unit: str, count: int, text: str) -> Any:
-    if unit in ("text", "names") or text in ("", "unknown"):
-        return {"": None, "unknown": math.nan, "-": () if unit == "names" else ""}.get(text, text)
-    numbers = tuple(float(number) for number in text.split())
-    return numbers if count > 1 else numbers[0]
-
-
 def _keys() -> dict[str, dict[str, Key]]:
     tables: dict[str, dict[str, Key]] = {}
     with (FOLDER / "catalogue_keys.csv").open(encoding="utf-8", newline="") as file:
         for row in csv.DictReader(file):
             low, high = (float(row[end] or math.nan) for end in ("low", "high"))
-            unit, count = row["unit"], int(row["count"])
-            key = Key(unit, low, high, count, _default(unit, count, row["default"]))
-            tables.setdefault(row["table"], {})[row["key"]] = key
+            unit, count, text = row["unit"], int(row["count"]), row["default"]
+            default: Any
+            if unit in ("text", "names") or text in ("", "unknown"):
+                default = {"": None, "unknown": math.nan, "-": () if unit == "names" else ""}.get(text, text)
+            else:
+                numbers = tuple(float(number) for number in text.split())
+                default = numbers if count > 1 else numbers[0]
+            tables.setdefault(row["table"], {})[row["key"]] = Key(unit, low, high, count, default)
     return tables
 
 
@@ -234,14 +218,7 @@ class CatalogueFile:
 
 
 def read_catalogue(path: str) -> CatalogueFile:
-    """Read and check the entries of a file.
-
-    Raises
-    ------
-    BadInput
-        The file cannot be read or has no entry; a key, unit or name is unknown, missing or given twice; or a value is
-        out of range.
-    """
+    """Read and check the entries of a file."""
     table = toml_table(path, "file")
     check_keys(path, table, KEYS)
     if not any(table.get(name) for name in KEYS):
@@ -407,12 +384,6 @@ Part = TypeVar("Part", MagnetEntry, HallPartEntry, SiliconeEntry)
 def catalogues_of(requirements: Requirements) -> Catalogues:
     """Return the parts in use.
 
-    Raises
-    ------
-    BadInput
-        A file cannot be used, two files of the user share a name, a name is unknown, no part of a kind is left, or no
-        magnet fits into the largest beam.
-
     >>> [part.name for part in catalogues_of(Requirements(force_z=5.0, magnets=("4x2 N35",))).magnets]
     ['4x2 N35']
     """
@@ -445,10 +416,7 @@ def catalogues_of(requirements: Requirements) -> Catalogues:
 def mix_named(option: str | None, of_design: str = "") -> Silicone | None:
     """Return what a recipe knows of the silicone that an option names, or else the design; None: no mix is known.
 
-    Raises
-    ------
-    BadInput
-        The option names no silicone of the shipped catalogue; a design may be of another one.
+    A design may be of a silicone that is not in the shipped catalogue, an option may not.
 
     >>> mix_named("Sylgard 184").mixed, mix_named(None, "my own")
     ('10A:1B by weight', None)
@@ -539,7 +507,10 @@ def _in_use(kind: str, parts: Mapping[str, Part], requirements: Requirements) ->
         )
     for name in names:
         if name not in parts:
-            raise BadInput(f"{kind}: the catalogues have no {name!r}: {_close(name, parts)}")
+            # a long list of all parts would hide the remedy
+            close = nearest(name, parts)
+            remedy = close if close.startswith("did") else "`magtip catalogue` lists all parts"
+            raise BadInput(f"{kind}: the catalogues have no {name!r}: {remedy}")
     return tuple(parts[name] for name in names)
 
 
@@ -551,9 +522,3 @@ def _check_fit(magnets: Sequence[MagnetEntry], requirements: Requirements) -> No
             f"no magnet in use fits into a beam of {widest:g} mm: the smallest one, {least.name}, needs "
             f"{least.diameter + 2 * LEAST_WALL:g} mm with the silicone beside it"
         )
-
-
-def _close(name: str, parts: Iterable[str]) -> str:
-    """Return the remedy for an unknown part; a long list of all parts would hide it."""
-    text = nearest(name, parts)
-    return text if text.startswith("did") else "`magtip catalogue` lists all parts"

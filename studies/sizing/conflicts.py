@@ -40,27 +40,6 @@ how much more it gives each time that this is not enough."""
 
 
 @dataclass(frozen=True, slots=True)
-class Advice:
-    """A requirement that alone could give: its name, bound, unit, and the bound with which a variant was found."""
-
-    name: str
-    value: float
-    unit: str
-    to: float
-
-    @property
-    def text(self) -> str:
-        """What would have to change, such as "outer_size rises to 13.2 mm"."""
-        return f"{self.name} {'rises' if self.to > self.value else 'falls'} to {amount(self.name, self.to)}"
-
-    def row(self) -> FlatRow:
-        """Return the row of sizing.json."""
-        give = abs(self.to - self.value)
-        found = {"requirement": self.name, "value": self.value, "unit": self.unit}
-        return {**found, "gives": give, "gives_of_all": give, "to": self.to}
-
-
-@dataclass(frozen=True, slots=True)
 class Conflict:
     """Why there is no variant.
 
@@ -70,14 +49,14 @@ class Conflict:
     candidates : number of candidates that were tried.
     nearest : the nearest one by finite elements; None if none was solved.
     missed : a row for each requirement that it misses: requirement, value, unit.
-    advices : requirements of which each alone could give.
+    advices : a row for each requirement that alone could give, with the bound `to` with which a variant was found.
     """
 
     bounds: tuple[str, ...]
     candidates: int = 0
     nearest: FrontPoint | None = None
     missed: tuple[FlatRow, ...] = ()
-    advices: tuple[Advice, ...] = ()
+    advices: tuple[FlatRow, ...] = ()
 
     def sentence(self) -> str:
         """State the conflict, and what would have to give."""
@@ -88,16 +67,18 @@ class Conflict:
             text += f"; the nearest one: {self.nearest.reason or 'by finite elements it meets all'}"
         if not self.advices:
             return f"{text}; no requirement was found that could give alone"
-        return f"{text}; a variant was found where {', or '.join(advice.text for advice in self.advices)}"
+        changes = [
+            f"{row['requirement']} {'rises' if row['to'] > row['value'] else 'falls'} to "
+            f"{amount(row['requirement'], row['to'])}"
+            for row in self.advices
+        ]
+        return f"{text}; a variant was found where {', or '.join(changes)}"
 
     def rows(self) -> list[FlatRow]:
         """Return a row for each requirement that could give, or that the nearest candidate misses."""
-        given = {advice.name for advice in self.advices}
+        given = {row["requirement"] for row in self.advices}
         others = ({**row, "gives": None, "gives_of_all": None, "to": None} for row in self.missed)
-        return [
-            *(advice.row() for advice in self.advices),
-            *(row for row in others if row["requirement"] not in given),
-        ]
+        return [*self.advices, *(row for row in others if row["requirement"] not in given)]
 
 
 def amount(name: str, value: float) -> str:
@@ -173,13 +154,10 @@ def conflict_of(
     report(0.0, "the nearest candidate by finite elements")
     points = [] if isinstance(near.variant(0), str) else solve(near, needed)
     nearest = points[0] if points else None
-    advices = []
-    names = _could_give(needed, found)
-    for number, name in enumerate(names[:ADVICES]):
+    advices: list[FlatRow] = []
+    for number, name in enumerate(_could_give(needed, found)[:ADVICES]):
         report(0.1 + 0.9 * number / ADVICES, f"how far would {name} have to give?")
-        advice = _advice(name, needed, catalogues, effort, solve)
-        if advice is not None:
-            advices.append(advice)
+        advices += _advice(name, needed, catalogues, effort, solve)
     missed = nearest.margins if nearest else {}
     rows = [
         _bound(needed, name) for name, value in missed.items() if not value >= 0 and name in (*AT_LEAST, *AT_MOST)
@@ -207,16 +185,16 @@ def _could_give(needed: Requirements, found: list[Found]) -> list[str]:
                 missed[name] = min(missed.get(name, math.inf), float((others + np.maximum(-values, 0.0)).min()))
                 missed[name] += 1e-3 * float(others.min())
     # a resolution or a strain that is missed may also be bought by force, which no candidate misses
-    order_of = sorted(missed, key=lambda name: missed[name])
-    return order_of + [name for name in ("force_z",) if name not in missed]
+    return list(dict.fromkeys([*sorted(missed, key=lambda name: missed[name]), "force_z"]))
 
 
-def _advice(name: str, needed: Requirements, catalogues: Catalogues, effort: Effort, solve: Solve) -> Advice | None:
-    """Return how far a requirement would have to give, after a search with it; None if nothing is found."""
-    unit, value = LIMITS[name].metadata["unit"], float(_bound(needed, name)["value"])
+def _advice(name: str, needed: Requirements, catalogues: Catalogues, effort: Effort, solve: Solve) -> list[FlatRow]:
+    """Return how far a requirement would have to give, after a search with it; nothing if nothing is found."""
+    row = _bound(needed, name)
+    value = row["value"]
     reached = demand(name, needed, catalogues, dataclasses.replace(LEAST_EFFORT, seed=effort.seed))
     if not math.isfinite(reached):
-        return None
+        return []
     # how many times too strict the requirement is
     gives = max(reached / value if name in AT_MOST else value / reached, 1.0) * (1 + SLACK)
     for _ in range(AGAIN):
@@ -224,15 +202,15 @@ def _advice(name: str, needed: Requirements, catalogues: Catalogues, effort: Eff
         try:
             loose = _with_bound(needed, name, to)
         except BadInput:
-            return None
+            return []
         again = searched(loose, catalogues, effort, first_met=True)
         met = [pool for pool in again if (pool.violation == 0).any()]
         if met:
             points = solve(met[0].candidates.take(met[0].front[:1]), loose)
             if points and points[0].status == "ok":
-                return Advice(name, value, unit, to)
+                return [row | {"gives": abs(to - value), "gives_of_all": abs(to - value), "to": to}]
         gives = (1 + FURTHER * (gives - 1)) * (1 + SLACK)
-    return None
+    return []
 
 
 def demand(name: str, needed: Requirements, catalogues: Catalogues, effort: Effort) -> float:

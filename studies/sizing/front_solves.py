@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fem.scene import Scene
+from fem.scene import Model, Scene
 from geometry.arrays import Array
 from geometry.design import Design
 from geometry.loads import Load
@@ -51,6 +51,17 @@ class Solved:
     half_width: Array
 
 
+READ: dict[str, tuple[Callable[[Answer, Any], Any], str]] = {
+    "force_x": (lambda a, r: r.force[0] / (a.E * a.D**2), "sideways"),
+    "force_z": (lambda a, r: r.force[2] / (a.E * a.D**2), "force"),
+    "shift_x": (lambda a, r: r.shift[0] / a.D, "shift"),
+    "shift_z": (lambda a, r: -r.shift[2] / a.D, "shift"),
+    "tilt": (lambda a, r: r.tilt, "tilt"),
+    "strain": (lambda a, r: a.values["largest_strain"], ""),
+}
+"""Quantities of `prediction.Beams` from an answer and its response, and the names of their estimated errors."""
+
+
 class FemBeams:
     """Beams of n designs, whose responses finite elements give; lengths over D, forces over E D^2."""
 
@@ -64,11 +75,8 @@ class FemBeams:
             for design, row in zip(self.designs, depth, strict=True)
         ]
         answers = self.solver.answers(scenes)
-        return {
-            "force": _table(answers, lambda a, r: r.force[2] / (a.E * a.D**2), "force"),
-            "shift": _table(answers, lambda a, r: -r.shift[2] / a.D, "shift"),
-            "strain": _table(answers, lambda a, r: a.values["largest_strain"]),
-        }
+        names = {"force": "force_z", "shift": "shift_z", "strain": "strain"}
+        return {name: _table(answers, *READ[key]) for name, key in names.items()}
 
     def shear(self, depth: Array, shear: Array) -> dict[str, Solved]:
         """Return the response to glued shears at depths and shears (n, k), see `prediction.Beams.shear`.
@@ -94,14 +102,7 @@ class FemBeams:
         for (k, columns), answers in zip(places, self.solver.answers(scenes), strict=True):
             for column, answer in zip(columns, answers, strict=True):
                 rows[k][column] = answer
-        return {
-            "force_x": _table(rows, lambda a, r: r.force[0] / (a.E * a.D**2), "sideways"),
-            "force_z": _table(rows, lambda a, r: r.force[2] / (a.E * a.D**2), "force"),
-            "shift_x": _table(rows, lambda a, r: r.shift[0] / a.D, "shift"),
-            "shift_z": _table(rows, lambda a, r: -r.shift[2] / a.D, "shift"),
-            "tilt": _table(rows, lambda a, r: r.tilt, "tilt"),
-            "strain": _table(rows, lambda a, r: a.values["largest_strain"]),
-        }
+        return {name: _table(rows, *each) for name, each in READ.items()}
 
     @functools.cached_property
     def _stability(self) -> list[Answer]:
@@ -142,11 +143,8 @@ def _critical(answer: Answer) -> float:
     return np.inf if answer.status == "ok" and not answer.message else np.nan
 
 
-def _table(
-    answers: Sequence[Sequence[Answer | None]], read: Callable[[Answer, Any], Any], estimate: str = ""
-) -> Solved:
-    """Return what `read` reads from answers and their responses, shape (n, k), NaN where there is none; and half
-    widths by the estimated errors of this name."""
+def _table(answers: Sequence[Sequence[Answer | None]], read: Callable[[Answer, Any], Any], estimate: str) -> Solved:
+    """Return what is read from answers (n, k), NaN where there is none, and half widths by its estimated error."""
 
     def pair(one: Answer | None) -> tuple[float, float]:
         if one is None or one.response is None:
@@ -187,19 +185,15 @@ CORRECTED = 3
 
 @dataclass(frozen=True, slots=True)
 class FrontPoint:
-    """A point of the front.
+    """A point of the front; its number is from 1, in the order of the front.
 
     Attributes
     ----------
-    number : from 1, in the order of the front.
     predicted, solved : what it reaches by the surrogate and by finite elements, names as in `Performance`.
-    margins : margins of the requirements by finite elements.
-    worst : rows of the worst loads: figure, value, unit, E_MPa, remanence_T, force_z_N, force_x_N, direction_deg,
-        depth_mm, shear_mm.
-    status : "ok", or "failed" if a solve failed or a requirement is missed.
-    reason : which requirements are missed, and by how much.
-    rank : 1 for the best, equal for equal scores; 0 for a point that failed.
-    score : 0 to 1; NaN for a point that failed.
+    margins : of the requirements, by finite elements.
+    worst : rows of the worst loads, see `_worst`.
+    status, reason : "ok", or "failed" if a solve failed or a requirement is missed: which, and by how much.
+    rank, score : 1 for the best, equal for equal scores, and 0 to 1; 0 and NaN for a point that failed.
     """
 
     number: int
@@ -219,7 +213,8 @@ class FrontPoint:
         row: FlatRow = {"rank": self.rank or None, "point": self.number, "status": self.status}
         row |= self.variant.row() | {column: self.solved[name] for name, column in ALIKE.items()}
         for name, (column, unit) in COMPARED.items():
-            stem, end = _stem(column)
+            end = "over_D" if column.endswith("over_D") else column.rpartition("_")[2]
+            stem = column.removesuffix(f"_{end}")
             predicted, solved = unit * self.predicted[name], unit * self.solved[name]
             known = np.isfinite(solved) and np.isfinite(predicted) and solved != 0
             row |= {f"surrogate_{column}": predicted, f"fem_{column}": solved}
@@ -230,18 +225,6 @@ class FrontPoint:
             load = f"{each['force_z_N']:.4g} N with {each['force_x_N']:.4g} N at E = {each['E_MPa']:.4g} MPa"
             row[f"worst_load_of_{each['figure']}"] = load
         return row | {"score": self.score, "reason": self.reason}
-
-
-def _stem(column: str) -> tuple[str, str]:
-    """Return the name in a column, and its unit.
-
-    >>> _stem("range_z_N"), _stem("critical_depth_over_D")
-    (('range_z', 'N'), ('critical_depth', 'over_D'))
-    """
-    for unit in ("over_D", column.rpartition("_")[2]):
-        if column.endswith(f"_{unit}"):
-            return column.removesuffix(f"_{unit}"), unit
-    return column, ""
 
 
 def solved_front(
@@ -274,7 +257,8 @@ def solved_front(
 def solved_points(candidates: Candidates, needed: Requirements, solver: Solver) -> list[FrontPoint]:
     """Solve candidates by finite elements, and return them without ranks."""
     sensors = sensors_of(candidates)
-    beams, designs = sensors.beams(), [_design(candidates, k) for k in range(len(candidates))]
+    variants = [_variant(candidates, k) for k in range(len(candidates))]
+    beams = sensors.beams()
     predicted, cautious = (performance(sensors, beams, needed, caution=ca, dense=True) for ca in (0.0, 1.0))
     ask = np.fmax(cautious.ask, predicted.ask)
     ask[:, 1] = np.fmin(cautious.ask[:, 1], predicted.ask[:, 1])
@@ -283,26 +267,27 @@ def solved_points(candidates: Candidates, needed: Requirements, solver: Solver) 
     shears = np.full((len(sensors), SOLVED_DEPTHS), NO_SHEAR)
     least = np.full_like(deepest, surrogate_range.SHALLOWEST_SHEAR)
     ask = np.where(np.isnan(ask), np.hstack([deepest, least, deepest, shears]), ask)
-    fem = FemBeams(designs, solver)
+    fem = FemBeams([variant.design for variant in variants], solver)
     solved, worse = (performance(sensors, fem, needed, caution=ca, ask=ask, dense=True) for ca in (0.0, 1.0))
-    return [_point(k, candidates, predicted, cautious, solved, worse) for k in range(len(candidates))]
+    answers = (predicted, cautious, solved, worse)
+    return [_point(k, candidates.take([k]), variant, *answers) for k, variant in enumerate(variants)]
 
 
-def _design(candidates: Candidates, k: int) -> Design:
+def _variant(candidates: Candidates, k: int) -> Variant:
     variant = candidates.variant(k)
     assert isinstance(variant, Variant), variant
-    return variant.design
+    return variant
 
 
 def _point(
     k: int,
-    candidates: Candidates,
+    candidate: Candidates,
+    variant: Variant,
     predicted: Performance,
     cautious: Performance,
     solved: Performance,
     worse: Performance,
 ) -> FrontPoint:
-    """Return a point without a rank."""
     values, said = solved.one(k), predicted.one(k)
     by_surrogate, by_fem = (
         {f"{name}_half_width": abs(end.one(k)[name] - middle[name]) for name in COMPARED}
@@ -310,12 +295,10 @@ def _point(
     )
     # how far a press is stable is in the margin, also where the search for the critical depth has stopped
     lost = [name for name in COMPARED if np.isnan(values[name]) and name != "critical" and not np.isnan(said[name])]
-    variant = candidates.variant(k)
-    assert isinstance(variant, Variant), variant
     return _judged(
         FrontPoint(
             number=k + 1,
-            candidate=candidates.take([k]),
+            candidate=candidate,
             variant=variant,
             predicted=said | by_surrogate,
             solved=values | by_fem,
@@ -328,7 +311,6 @@ def _point(
 
 
 def _judged(point: FrontPoint) -> FrontPoint:
-    """Return a point with its status: which requirements it misses."""
     missed = {name: value for name, value in point.margins.items() if not value >= 0}
     by = {name: f"{-100 * value:.{'2g' if value > -0.99 else '0f'}} %" for name, value in missed.items()}
     reasons = [f"{n} is not known" if v == LEAST else f"{n} is missed by {by[n]}" for n, v in missed.items()]
@@ -337,7 +319,6 @@ def _judged(point: FrontPoint) -> FrontPoint:
 
 
 def _worst(solved: Performance, k: int, variant: Variant) -> list[FlatRow]:
-    """Return the worst loads of a point."""
     rows: list[FlatRow] = []
     D, silicone, magnet = variant.design.D, variant.silicone, variant.magnet
     for name, (_, factor, unit) in NAMED.items():
@@ -381,15 +362,10 @@ def with_solved_loads(point: FrontPoint, needed: Requirements, solver: Solver) -
     for _ in range(CORRECTED):
         scenes = []
         for row in rows:
-            made = replace(design, E=float(row["E_MPa"]))
-            depth, shear = float(row["depth_mm"]), float(row["shear_mm"])
-            if shear:
-                load = Load(depth=depth, shear_x=shear, friction="stick")
-                scenes.append(Scene(made, (load,), solver.accuracy, model="harmonic"))
-            else:
-                scenes.append(Scene(made, (Load(depth=depth),), solver.accuracy))
-        found = [answer for (answer,) in solver.answers(scenes)]
-        for row, answer in zip(rows, found, strict=True):
+            load = Load(row["depth_mm"], row["shear_mm"], friction="stick" if row["shear_mm"] else "none")
+            model: Model = "harmonic" if row["shear_mm"] else "auto"
+            scenes.append(Scene(replace(design, E=row["E_MPa"]), (load,), solver.accuracy, model=model))
+        for row, (answer,) in zip(rows, solver.answers(scenes), strict=True):
             if answer.response is None:
                 return point
             row["strain_percent"] = 100 * answer.values["largest_strain"]

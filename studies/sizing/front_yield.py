@@ -25,7 +25,6 @@ from analytic import parts
 from geometry.arrays import Array, Ints
 from geometry.design import BadInput, Design
 from geometry.loads import ANSWERED, Load
-from geometry.messages import Progress
 from studies.calibration import calibrated_forces, calibration_study, sensor_fit
 from studies.calibration.bench_file import Bench
 from studies.calibration.sensor_fit import Fit, Sensor
@@ -80,11 +79,9 @@ class Yield:
     Attributes
     ----------
     table : a row for all requirements and for each: yield.csv.
-    batches : a row for each batch: E, nu and remanence of its middle, sensors within all requirements, and whether it
-        lies at the ends of the ranges.
+    batches : a row for each batch: the middle of its ranges, sensors within all requirements, whether at the ends.
     calibrations : a row for each of `CALIBRATIONS`: shares of sensors within all requirements whose force errors are
-        below `ALLOWED` of the required range, over batches and of the worst batch; empty where the design itself
-        reaches no such force by the surrogate.
+        below `ALLOWED`; empty where the design itself reaches no such force by the surrogate.
     check : drawn sensors by finite elements and by the surrogate; empty if none was solved.
     """
 
@@ -118,11 +115,8 @@ class Yield:
 
     def _words(self) -> dict[str, Any]:
         worst = self.batches.loc[self.batches["within_percent"].idxmin()]
-        return {
-            "all": self.table.iloc[0],
-            "worst": worst,
-            "first": self.table.iloc[1] if len(self.table) > 1 else None,
-        }
+        first = self.table.iloc[1] if len(self.table) > 1 else None
+        return {"all": self.table.iloc[0], "worst": worst, "first": first}
 
 
 _TEMPLATE = Path(__file__).with_name("YIELD.md.j2")
@@ -202,10 +196,8 @@ def yield_of(
 ) -> Yield:
     """Return the yield of a variant.
 
-    Parameters
-    ----------
     calibration : of a made sensor of this variant, whose posterior takes the place of that of twelve presses.
-    solves : model, store, workers, progress of `cases.answer` for the check by finite elements; empty for no check.
+    solves : model, store and workers of `cases.answer` for the check by finite elements; empty for no check.
     """
     import pandas as pd
 
@@ -224,14 +216,13 @@ def yield_of(
         ),
     ])  # fmt: skip
     load = required_load(variant.design, requirements)
-    none = pd.DataFrame()
-    calibrations = none
+    calibrations = check = pd.DataFrame()
     if load is not None:
         presses = after_presses(variant, load, requirements, calibration, len(batch), seed)
         calibrations = _calibrations(sensors, load, requirements, every, batch, count, presses)
+        check = check_of(sensors, load, count, **solves) if solves else check
     if calibration is not None and not calibrations.empty:
         calibrations = calibrations.replace({"calibration": {"twelve presses": "the calibration"}})
-    check = none if load is None or not solves else check_of(sensors, load, count, **solves)
     return Yield(table, batches.rename_axis("batch").reset_index(), calibrations, check)
 
 
@@ -305,9 +296,7 @@ def _calibrations(
     presses: Array,
 ) -> pd.DataFrame:
     """Return the shares within all requirements and `ALLOWED`; a sensor without a calibration curve has no error that
-    is known, and counts as missed unless its calibration is full.
-
-    presses : largest force error of each sensor after `magtip calibrate`, over the range (n,); NaN if not known.
+    is known, and counts as missed unless its calibration is full. `presses` is from `after_presses`.
     """
     import pandas as pd
 
@@ -377,16 +366,7 @@ def stand(variant: Variant, requirements: Requirements) -> Sensor:
     return Sensor(design, law, un, noise, FORCE_SENSOR * requirements.force_z)
 
 
-def check_of(
-    sensors: MadeSensors,
-    load: Press,
-    count: int,
-    *,
-    model: str = "fem",
-    store: Path | None = None,
-    workers: int | None = None,
-    progress: Progress | None = None,
-) -> pd.DataFrame:
+def check_of(sensors: MadeSensors, load: Press, count: int, *, model: str = "fem", **solves: Any) -> pd.DataFrame:
     """Return `CHECKED` drawn sensors under a load by finite elements, and by the surrogate with its half widths."""
     from studies import cases
 
@@ -394,9 +374,10 @@ def check_of(
     designs = {k: design for k in chosen if (design := sensors.designs[k]) is not None}
     at = Load(load.depth, load.shear, friction="stick") if load.shear else Load(load.depth)
     table = cases.table([(design, at, "rigid") for design in designs.values()])
-    common: dict[str, Any] = {"base": sensors.nominal, "quantities": ["force"], "store": store, "workers": workers}
-    solved = cases.answer(table, [model], progress=progress, **common)
-    fast = cases.answer(table, [SURROGATE], **common)
+    solved, fast = (
+        cases.answer(table, [name], base=sensors.nominal, quantities=["force"], **solves)
+        for name in (model, SURROGATE)
+    )
     result = solved[["E_MPa", "status"]].assign(sensor=list(designs))
     known = solved["status"].isin(ANSWERED)
     estimates = {"force": "error_estimate"} | ({"force_x": "sideways_error_estimate"} if load.shear else {})

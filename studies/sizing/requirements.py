@@ -81,7 +81,6 @@ LEAST_SLENDERNESS = 0.75
 
 
 def _number(unit: str, low: float, high: float, text: str, default: float | None = None) -> Any:
-    """Return a field with a number: its unit, range and meaning; unset by default."""
     return field(default=default, metadata={"unit": unit, "low": low, "high": high, "text": text})
 
 
@@ -264,31 +263,21 @@ class Requirements:
     def warnings(self) -> list[str]:
         """Return one sentence for each requirement that is set, but probably not meant so."""
         resolution = self.resolution_z is not None or self.resolution_x is not None
-        if resolution and self.bandwidth is None:
-            text = (
-                "bandwidth is not set, so that resolutions count the noise of Hall parts over their full bandwidth: "
-            )
-            return [text + 'set it to what is needed, such as bandwidth = "100 Hz"']
-        return []
+        text = (
+            "bandwidth is not set, so that resolutions count the noise of Hall parts over their full bandwidth: "
+            'set it to what is needed, such as bandwidth = "100 Hz"'
+        )
+        return [text] if resolution and self.bandwidth is None else []
 
 
 LIMITS = {spec.name: spec for spec in dataclasses.fields(Requirements) if "unit" in spec.metadata}
 """Fields of `Requirements` with a number, a unit and a range, by name."""
-SWITCHES = tuple(
-    spec for spec in dataclasses.fields(Requirements) if spec.name in ("no_saturation", "unique_decoding")
-)
+SWITCHES = tuple(spec for spec in dataclasses.fields(Requirements) if spec.default is True)
 """Fields of `Requirements` that are required or not."""
 
 
 def read_requirements(path: str) -> Requirements:
-    """Read the requirements in a TOML file; catalogues are relative to the file's folder.
-
-    Raises
-    ------
-    BadInput
-        The file cannot be read, a key or unit is unknown, a value is out of range, or requirements contradict each
-        other.
-    """
+    """Read the requirements in a TOML file; catalogues are relative to the file's folder."""
     table = toml_table(path, "file")
     check_keys(path, table, _KINDS)
     values = validated(path, table, _KINDS)
@@ -322,10 +311,14 @@ _KINDS: dict[str, Any] = {
 
 
 def _fields(path: str, values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the fields of `Requirements` from the keys of a file."""
     fields = {name: value for name, value in values.items() if name not in ("D", "weights")}
     if "D" in values:
-        fields |= _diameters(values["D"])
+        ends = values["D"] if isinstance(values["D"], list) else [values["D"]] * 2
+        if len(ends) != 2:
+            raise BadInput(f"D must be one diameter, or a range [low, high]; got {ends!r:.60}")
+        fields |= {
+            name: quantity("D", end, "mm", 0.1, 200) for name, end in zip(("D_low", "D_high"), ends, strict=True)
+        }
     weights = values.get("weights", {})
     check_keys(f"{path}: weights", weights, OBJECTIVES)
     fields |= {f"weight_{name}": quantity(f"weights: {name}", weight, "1") for name, weight in weights.items()}
@@ -337,17 +330,7 @@ def _fields(path: str, values: Mapping[str, Any]) -> dict[str, Any]:
     return fields | {"catalogues": tuple(str(folder / file) for file in values.get("catalogues", ()))}
 
 
-def _diameters(value: object) -> dict[str, float]:
-    """Return the range of the diameter from one value, or from a list of two."""
-    ends: Sequence[object] = value if isinstance(value, list) else [value, value]
-    if len(ends) != 2:
-        raise BadInput(f"D must be one diameter, or a range [low, high]; got {value!r:.60}")
-    low, high = (quantity("D", end, "mm", 0.1, 200) for end in ends)
-    return {"D_low": low, "D_high": high}
-
-
 def _names(key: str, names: Sequence[str]) -> tuple[str, ...]:
-    """Return the names of a list, each of which may occur once."""
     for name in names:
         if names.count(name) > 1:
             raise BadInput(f"{key} lists {name!r} twice: give it once")

@@ -38,13 +38,7 @@ def remove(folder: Path) -> None:
 
 
 def export(variant: Variant, requirements: Requirements, folder: Path, progress: Progress) -> FlatRow:
-    """Write the design file, and solids, mould and recipe if they pass their checks.
-
-    Raises
-    ------
-    BadInput
-        The folder of the recipe holds files of another origin.
-    """
+    """Write the design file, and solids, mould and recipe if they pass their checks."""
     from geometry.base import Base
     from geometry.mold import Mold
     from studies.fabrication.sensor_parts import RECIPE, build
@@ -88,21 +82,13 @@ def _line(name: str, value: object) -> str:
 def parts_text(variant: Variant) -> str:
     """Return the section of the recipe that names the parts of the catalogue."""
     magnet, silicone, part = variant.magnet, variant.silicone, variant.hall_part
-    magnet_text = (
+    return (
+        "## Parts\n\n"
         f"- Magnet: {magnet.name}, {magnet.diameter:g} x {magnet.height:g} mm (+-{magnet.tolerance:g} mm), grade "
         f"{magnet.grade}, remanence {magnet.remanence_low:g} to {magnet.remanence_high:g} T, up to "
-        f"{magnet.largest_temperature:g} °C. Source: {magnet.source}."
-    )
-    silicone_text = (
+        f"{magnet.largest_temperature:g} °C. Source: {magnet.source}.\n"
         f"- Silicone: {silicone.name}, mixed {silicone.mixed}; cured in {silicone.cure_hours:g} h at "
         f"{silicone.cure_temperature:g} °C. E = {silicone.E_low:g} to {silicone.E_high:g} MPa. "
-        f"Source: {silicone.source}."
+        f"Source: {silicone.source}.\n"
+        f"- Hall part: {f'{part.count} x ' * (part.count > 1)}{part.name}. Source: {part.source}.\n"
     )
-    lines = [
-        "## Parts",
-        "",
-        magnet_text,
-        silicone_text,
-        f"- Hall part: {f'{part.count} x ' * (part.count > 1)}{part.name}. Source: {part.source}.",
-    ]
-    return "\n".join(lines) + "\n"

@@ -76,7 +76,6 @@ def sheets(record: Mapping[str, Any]) -> dict[str, pd.DataFrame]:
 
 
 def _rows(record: Mapping[str, Any], name: str) -> list[dict[str, Any]]:
-    """Return a list of objects of a record; empty if it is none."""
     rows = record.get(name)
     return [row for row in rows if isinstance(row, dict)] if isinstance(rows, list) else []
 
@@ -86,26 +85,22 @@ def _percent(margin: Any) -> float | None:
 
 
 def _names(table: pd.DataFrame) -> list[str]:
-    """Return what each variant is called in readouts."""
     sizes = [f"D {D:g} mm, L {L:g} mm" for D, L in zip(numbers(table, "D_mm"), numbers(table, "L_mm"), strict=True)]
     parts = [texts(table, name) for name in ("magnet", "silicone", "hall_part")]
     return [", ".join(text for text in texts_of if text) for texts_of in zip(sizes, *parts, strict=True)]
 
 
 def _kinds(table: pd.DataFrame) -> Any:
-    """Return what each variant is: the best one, one that passes, or one that failed."""
     passed = table["status"].isin(ANSWERED)
     return np.where(~passed, REMOVED, np.where(numbers(table, "rank") == 1, BEST, PASSED))
 
 
 def _value(table: pd.DataFrame, column: str, row: int) -> str:
-    """Return a quantity in words."""
     name, _, unit = quantity_name(column.removeprefix("fem_")).partition(" (")
     return f"{name} {numbers(table, column).iloc[row]:.3g} {unit.rstrip(')')}"
 
 
 def _differences(table: pd.DataFrame, names: list[str]) -> list[Figure]:
-    """Return the differences between surrogate and finite elements, a line for each quantity."""
     import pandas as pd
 
     columns = [name for name in table.columns if name.endswith(DIFFERENCE) and numbers(table, name).notna().any()]

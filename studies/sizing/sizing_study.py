@@ -66,8 +66,7 @@ class Settings:
 
     Attributes
     ----------
-    points : largest number of points of the front that are solved.
-    sensors : number of made sensors of the yield.
+    points, sensors : largest number of points of the front that are solved, and made sensors of the yield.
     calibration : of a made sensor; its posterior counts in the yield if the best variant is its design.
     """
 
@@ -91,10 +90,8 @@ class Sizing:
 
     Attributes
     ----------
+    candidates, front_size : numbers of candidates that the search tried, and of variants on its front.
     front : points of the front, the ranked ones first; empty if no candidate meets all requirements.
-    candidates : number of candidates that the search tried.
-    front_size : number of variants on the front of the search.
-    winner_yield : yield of the best point; None if there is none.
     conflict : why there is no candidate; None if there is one, or if the search has only missed it.
     """
 
@@ -139,7 +136,6 @@ class Sizing:
 
 
 def _unlike(one: FrontPoint, other: FrontPoint) -> int:
-    """Return how far two points differ in kind."""
     a, b = one.variant, other.variant
     kinds = (a.hall_part.layout == "three") != (b.hall_part.layout == "three")
     names = [a.silicone.name != b.silicone.name, a.hall_part != b.hall_part]
@@ -147,13 +143,7 @@ def _unlike(one: FrontPoint, other: FrontPoint) -> int:
 
 
 def run(requirements: Requirements, settings: Settings, progress: Progress) -> Sizing:
-    """Search for variants, solve the front by finite elements, and return the result.
-
-    Raises
-    ------
-    BadInput
-        A catalogue or the store cannot be used, or a limit of the program rejects every candidate.
-    """
+    """Search for variants, solve the front by finite elements, and return the result."""
     catalogues = catalogues_of(requirements)
     sizing = partial(Sizing, requirements, catalogues, settings)
     if bounds := conflicts.impossible(requirements, catalogues):
@@ -227,25 +217,13 @@ def record(sizing: Sizing, origin: str, command: str) -> FlatRow:
 
 def winner_record(point: FrontPoint) -> FlatRow:
     """Return the winner: its design, its parts with their sources, and its margins."""
-    variant = point.variant
-    return {
-        "design": dataclasses.asdict(variant.design),
-        "magnet": dataclasses.asdict(variant.magnet),
-        "silicone": dataclasses.asdict(variant.silicone),
-        "hall_part": dataclasses.asdict(variant.hall_part),
-        "margins": point.margins,
-        "worst_loads": point.worst,
-    }
+    parts = ("design", "magnet", "silicone", "hall_part")
+    found = {name: dataclasses.asdict(getattr(point.variant, name)) for name in parts}
+    return found | {"margins": point.margins, "worst_loads": point.worst}
 
 
 def result_of(sizing: Sizing, origin: str, command: str, *, wide: bool) -> Result:
-    """Return tables, picture and page of a sizing; it has failed without a winner.
-
-    Parameters
-    ----------
-    origin, command : what sizing.json states as its origin.
-    wide : whether the terminal shows all columns of the front.
-    """
+    """Return tables, picture and page of a sizing; it has failed without a winner."""
     whole, made_sensors = record(sizing, origin, command), sizing.winner_yield
     rows = [point.row() for point in sizing.front]
     shown: list[Block] = []
@@ -290,6 +268,8 @@ def page(sizing: Sizing) -> str:
     level = sizing.settings.accuracy.name
     worst = [] if sizing.winner is None else [_worst_load(row, level) for row in sizing.winner.worst]
     nearest = sizing.conflict.nearest if sizing.conflict else None
+    # the requirements that decide
+    least = sorted(margins, key=lambda name: margins[name])[:3]
     return page_templates.rendered(
         Path(__file__).with_name("SIZING.md.j2"),
         sizing=sizing,
@@ -306,12 +286,11 @@ def page(sizing: Sizing) -> str:
         if nearest is None
         else [{"quantity": k, "value": v} for k, v in nearest.row().items() if v is not None and v == v],
         nearest_worst=[] if nearest is None else [_worst_load(row, level) for row in nearest.worst],
-        misses=_misses(sizing),
+        misses=[{"requirement": name, "margin, %": 100 * margins[name]} for name in least],
     )
 
 
 def _worst_load(row: FlatRow, level: str) -> FlatRow:
-    """Return a worst load in words, and the command that solves it."""
     words, _, unit = NAMED[row["figure"]]
     aside = f" with {row['force_x_N']:.4g} N at {row['direction_deg']:.0f} degrees" if row["force_x_N"] else ""
     corner = f"E = {row['E_MPa']:.4g} MPa and a remanence of {row['remanence_T']:.4g} T"
@@ -339,12 +318,3 @@ def _costs(rows: list[FlatRow]) -> list[FlatRow]:
             }
         )
     return table
-
-
-def _misses(sizing: Sizing) -> list[FlatRow]:
-    """Return the requirements that decide: of the best point those with the least margins, in rising order."""
-    point = sizing.winner
-    if point is None:
-        return []
-    order = sorted(point.margins, key=lambda name: point.margins[name])
-    return [{"requirement": name, "margin, %": 100 * point.margins[name]} for name in order[:3]]

@@ -130,10 +130,7 @@ def dominated(F: Array) -> NDArray[np.bool_]:
 class Rating:
     """Rates candidates by the surrogate, and counts them and the reasons why others are impossible.
 
-    Parameters
-    ----------
-    free : a requirement that is not held; the search then makes the logarithm of its miss small, in place of the
-        objectives.
+    free : a requirement that is not held; the search then makes the logarithm of its miss small, not the objectives.
     """
 
     def __init__(self, needed: Requirements, free: str = "") -> None:
@@ -237,25 +234,17 @@ def first_candidates(space: Space, count: int, seed: int) -> Candidates:
     choices = np.column_stack(np.unravel_index(combination[np.arange(count) % len(combination)], counts))
     choices[:, 0] = fits[choices[:, 0]]
     choices[:, 2] += space.choices[2][0]
-    return space.candidates(choices, shares, _shares(space, count, seed))
-
-
-def _shares(space: Space, count: int, seed: int) -> Array:
-    """Return shares of the forces, spread where one of them is free."""
+    # shares of the forces are spread where one of them is free
     share = np.ones((count, 2))
-    for k, low in space.free.items():
-        share[:, k] = low ** np.random.default_rng(seed + 1).random(count)
-    return share
+    for k, least in space.free.items():
+        share[:, k] = least ** np.random.default_rng(seed + 1).random(count)
+    return space.candidates(choices, shares, share)
 
 
 def _new(candidates: Candidates, seen: set[bytes]) -> Candidates:
-    """Return the candidates that were not seen before, each once."""
-    kept = []
-    for k, key in enumerate(candidates.keys()):
-        if key not in seen:
-            seen.add(key)
-            kept.append(k)
-    return candidates.take(np.array(kept, dtype=np.int64))
+    kept = {key: k for k, key in reversed(list(enumerate(candidates.keys()))) if key not in seen}
+    seen.update(kept)
+    return candidates.take(np.array(sorted(kept.values()), dtype=np.int64))
 
 
 def _rated(candidates: Candidates, rate: Rate, limit: float) -> Found:
@@ -408,11 +397,8 @@ def searched(
     free: str = "",
     first_met: bool = False,
 ) -> list[Found]:
-    """Return the pools of both kinds of Hall parts.
+    """Return the pools of both kinds of Hall parts; of a free force (see `Rating`), candidates take a share.
 
-    Parameters
-    ----------
-    free : a requirement that is not held, see `Rating`; of a force, candidates take a share.
     first_met : end with the first candidate that meets all requirements.
     """
     least = {"force_z": max(needed.least_press / needed.force_z, LEAST_SHARE), "force_x": LEAST_SHARE}
@@ -423,19 +409,13 @@ def searched(
         first = space.choices[2][0]
         several = f"{space.count[first]} 3-axis chips" if space.count[first] > 1 else "3-axis chips"
         kind = "one-axis parts" if space.three[first] else several
-        part = (
-            None
-            if progress is None
-            else part_of(progress, number / len(kinds), (number + 1) / len(kinds), f"{kind}: ")
-        )
+        part = progress and part_of(progress, number / len(kinds), (number + 1) / len(kinds), f"{kind}: ")
         found.append(search(space, ratings[number], effort, part, first_met=first_met))
         if first_met and found[-1].violation.min() == 0:
             return found
     if not any(rating.rated for rating in ratings):
-        reasons = sum((rating.refusals for rating in ratings), Counter[str]())
-        reason = (
-            reasons.most_common(1)[0][0] if reasons else "no magnet in use fits into a beam that the surrogate knows"
-        )
+        reasons = sum((rating.refusals for rating in ratings), Counter[str]()).most_common(1)
+        reason = reasons[0][0] if reasons else "no magnet in use fits into a beam that the surrogate knows"
         raise BadInput(f"no candidate could be rated, so that nothing is known of the requirements: {reason}")
     return found
 
