@@ -80,13 +80,13 @@ def test_bad_requests_are_a_sentence(given, said, refusal):
 def test_an_interruption_prints_the_lengths_that_are_complete(run, monkeypatch, strict, tmp_path):
     solved = []
 
-    def solve(*_):
+    def row(*given):
         if solved:
             raise KeyboardInterrupt
         solved.append(1)
-        return {"status": "ok"}
+        return {"L_over_D": given[-1], "status": "ok"}
 
-    monkeypatch.setattr(critical_depths, "_solve", solve)
+    monkeypatch.setattr(critical_depths, "_row", row)
     status, out, err = run("stability", "paper", "--slenderness", "1,2", "--out", "o", "--json")
     assert (status, [row["L_over_D"] for row in strict(out)]) == (130, [1.0])
     assert "1 of 2 lengths are complete, and no file is written" in err

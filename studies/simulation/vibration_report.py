@@ -1,7 +1,7 @@
 """What `magtip response` and `magtip modes` compute: steady vibrations of a sensor, and its natural frequencies.
 
-`report_motion` says what the keys of a motion's record are. Beside the finite elements stand oscillators, which
-`rungs` describes: what one mass on one spring says of the shift per N.
+Beside the finite elements stand oscillators, which `rungs` describes: what one mass on one spring says of the shift
+per N.
 """
 
 from __future__ import annotations
@@ -103,11 +103,8 @@ def run(
 ) -> Result:
     """Compute the vibration about a state; the status of a state that is not reached or not stable is failed.
 
-    Parameters
-    ----------
     load : press and shear; depth 0 for the free sensor, whose base is shaken.
-    band : lowest and highest frequency, Hz.
-    count : number of frequencies, spaced evenly on a logarithmic scale; the table has the resonances too.
+    count : number of frequencies in the band, Hz, evenly log-spaced; the table has the resonances too.
     warnings : those of the options, which the result repeats.
     """
     from fem.accuracy import LEVELS
@@ -220,32 +217,9 @@ def _notes(design: Design, load: Load, at_rest: Design, magnet: Magnet, level: A
 
 
 def report_motion(sensor: VibratingSensor, at: At, curves: Curves, load: Load, coarse: Curves | None) -> FlatRow:
-    """Return the record of one motion; about the free sensor the base is shaken, and there is no force.
+    """Return the record of one motion, whose keys studies/README.md describes; values that do not exist are None.
 
-    Lists over elements have the order of `element`. Values that lie outside the band, or do not exist, are None.
-
-    status, message : of the state at rest; the message also says what the vibration shows.
-    motion : "z" or "x".
-    force_N : (x, y, z) on the tip at rest.
-    stiffness_N_per_mm : force along the motion over its amplitude, at the lowest frequency.
-    undamped_Hz : lowest natural frequencies about this state, glued to a plate that does not move, without damping
-        and with the long-term modulus; under a shear those of both motions.
-    resonance_per_mm_Hz, resonance_per_mm_Q : resonances of the magnet's motion under a plate with a fixed amplitude.
-    resonance_per_N_Hz, resonance_per_N_Q : the same under a force with a fixed amplitude on a plate without mass.
-    reading_V_per_mm, reading_V_per_N : readings (T for a chip) at the lowest frequency over motion and force.
-    bandwidth_per_mm_Hz, bandwidth_per_N_Hz : frequency at which these are 3 dB lower.
-    accurate_per_N_Hz : frequency up to which those per N change by less than ACCURATE.
-    relative_reading_at_600, phase_at_600_deg : readings per N at 600 Hz over those at the lowest frequency, and their
-        phase; negative where they lag behind the force.
-    kept_amplitude_mm, kept_amplitude_Hz : amplitude of the motion at which a quarter of the contact area loses its
-        pressure within a cycle, the least one of all frequencies, and its frequency.
-    lift_amplitude_mm, lift_amplitude_Hz : the same for the whole force; None where the motion does not change it.
-    mesh_difference, largest_mesh_difference : relative difference of force (of the magnet's shift for the free
-        sensor) to a mesh coarser by 1.5: median and largest of all frequencies.
-    error_estimate, largest_error_estimate : estimated relative error of the same: median and largest of all
-        frequencies.
-    reading_error_estimate, largest_reading_error_estimate : the same of the readings per N.
-    factorisations, reduced_error : factorisations for all frequencies, and error of the reduced basis.
+    About the free sensor the base is shaken, and there is no force. Lists over elements have the order of `element`.
     """
     low, high = float(curves.frequency[0]), float(curves.frequency[-1])
     force, scene = sensor.state.response.force, sensor.scene
@@ -374,12 +348,7 @@ def mesh_warnings(motion: FlatRow) -> list[str]:
 
 
 def oscillators(design: Design, motion: str, stiffness: float, relaxation: Relaxation) -> Models:
-    """Return natural frequency, Hz, and response of each oscillator, by its name.
-
-    Parameters
-    ----------
-    stiffness : of the state at rest along the motion, N/mm; above 0.
-    """
+    """Return natural frequency, Hz, and response of each oscillator by its name, of a stiffness in N/mm above 0."""
     from fem.analyses.modes import spring_mass
 
     natural = natural_frequency(stiffness, moving_mass(design))
