@@ -4,10 +4,10 @@ import globals from "globals";
 // the pages load plain scripts one after the other, each of which defines one of these names for the later ones
 const ours = [
   ...["Format", "LiveEngine", "OfflineEngine", "Controls", "SectionDrawing", "SectionView"],
-  ...["SensorView", "Charts", "Measured", "Numbers", "Exports", "Requests", "Explorer", "Tip", "Figures"],
+  ...["SensorView", "Measured", "Numbers", "Exports", "Requests", "Explorer", "Tip", "Figures"],
   ...["ReportSurface", "Theme"],
 ];
-const libraries = ["THREE", "uPlot", "vegaEmbed"];
+const libraries = ["THREE", "vegaEmbed"];
 
 export default [
   { ignores: ["**/vendor/", "out/", "results/", ".venv/"] },

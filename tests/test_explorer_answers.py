@@ -17,7 +17,7 @@ from geometry.loads import Load
 from studies.web import explorer_answers, time_answers
 from studies.web.explorer_answers import Answers, KeptPaths
 from studies.web.explorer_state import request_of
-from studies.web.state_answers import rate
+from studies.web.time_answers import rate
 
 
 @pytest.fixture

@@ -93,10 +93,29 @@ def request(page, side="a"):
     return page.evaluate(f"Explorer.message({json.dumps(side)})")
 
 
-@pytest.mark.parametrize("selector", [SECTION, SENSOR, "[data-chart=force] canvas", "[data-chart=readings] canvas"])
-def test_pictures_are_drawn(page, selector):
+def test_pictures_and_figures_are_drawn(page):
     wait(page, "Explorer.complete()")
-    assert len(colours(page, selector)) > 20
+    for selector in (SECTION, SENSOR):
+        assert len(colours(page, selector)) > 20
+    counts = [
+        page.evaluate(f"document.querySelectorAll('[data-chart={name}] .role-mark :is(path, line)').length")
+        for name in ("force", "shift", "readings")
+    ]
+    # lines and points of three models, bars with their rests
+    assert min(counts) > 6
+
+
+def test_keys_read_values_of_a_curve(start):
+    page = start()
+    wait(page, "Explorer.complete()")
+    page.evaluate("document.querySelector('[data-chart=force] svg').focus()")
+    for key, words in (
+        ("ArrowRight", "finite elements"),
+        ("ArrowRight", "normal force (N)"),
+        ("ArrowDown", "paper's"),
+    ):
+        page.keyboard.press(key)
+        assert words in page.evaluate("document.getElementById('live').textContent")
 
 
 def test_every_control_changes_the_request(start):
@@ -275,9 +294,12 @@ def test_speed_and_frequency_fill_their_panels(start):
     page = start("&frequency=300&speed=2")
     wait(page, "Explorer.complete()")
     assert "force along z, over static" in text(page, "[data-table=vibration]")
-    assert "contact is frozen" in text(page, "#vibration-note")
+    assert "contact is frozen" in text(page, "[data-table=vibration] .notes")
     assert "gap of a linear spring" in text(page, "[data-table=loop]")
-    wait(page, r"/normal force is 0\.\d+ N off the finite/.test(document.querySelector('#decoded-note').innerText)")
+    wait(
+        page,
+        r"/normal force is 0\.\d+ N off the finite/.test(document.querySelector('[data-table=decoded]').innerText)",
+    )
     lines = text(page, "[data-command=shell]").splitlines()
     assert [line.split()[1] for line in lines] == ["solve", "response", "cycle"]
     move(page, "speed", 0)
@@ -402,7 +424,7 @@ def test_killed_server_is_said_on_the_page_and_a_new_one_shows_margins_of_requir
 def margins_are_shown(page):
     """The page of a file of requirements opens at the required load, and says what a silicone leaves of them."""
     table = "document.querySelector('[data-table=margins]').innerText"
-    note = "document.querySelector('#margins-note').innerText"
+    note = "document.querySelector('[data-table=margins] .notes').innerText"
     wait(page, f"Explorer.answers.a.state && {note}.includes('All requirements are met')")
     force = page.evaluate("Explorer.answers.a.state.data.response.force")
     assert (force[2], force[0]) == pytest.approx((2.0, 0.4), rel=0.03)

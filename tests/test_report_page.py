@@ -138,8 +138,8 @@ def test_page_without_webgl_says_so(chromium, report):
 
 
 def test_pointer_reads_a_point_off(page, data):
-    show(page, "[data-figure] svg.panel")
-    x, y, *_ = middle(page, "[data-figure] svg.panel .mark-symbol.role-mark path:nth-of-type(12)")
+    show(page, "[data-figure] svg.figure")
+    x, y, *_ = middle(page, "[data-figure] svg.figure .mark-symbol.role-mark path:nth-of-type(12)")
     page.mouse.move(x, y)
     text = page.evaluate("document.getElementById('tip').textContent")
     assert not page.evaluate("document.getElementById('tip').hidden")
@@ -148,7 +148,7 @@ def test_pointer_reads_a_point_off(page, data):
 
 
 def test_keys_read_points_off_in_order(page):
-    page.evaluate("document.querySelector('[data-figure] svg.panel').focus()")
+    page.evaluate("document.querySelector('[data-figure] svg.figure').focus()")
     page.keyboard.press("Escape")
     texts = []
     for key in ("ArrowRight", "ArrowRight", "End", "ArrowDown", "Home"):
@@ -162,7 +162,7 @@ def test_keys_read_points_off_in_order(page):
 
 def test_tab_reaches_everything_in_the_order_of_the_page(page):
     page.evaluate("document.activeElement.blur(); window.scrollTo(0, 0); document.querySelector('.skip').focus()")
-    count = page.evaluate("document.querySelectorAll('svg.panel, canvas, button, nav a').length")
+    count = page.evaluate("document.querySelectorAll('svg.figure, canvas, button, nav a').length")
     page.evaluate("window.visited = []; document.addEventListener('focusin', (e) => window.visited.push(e.target))")
     for _ in range(min(count, 60)):
         page.keyboard.press("Tab")
@@ -172,7 +172,7 @@ def test_tab_reaches_everything_in_the_order_of_the_page(page):
         "all[k - 1].compareDocumentPosition(node) & Node.DOCUMENT_POSITION_FOLLOWING)"
     )
     assert page.evaluate(
-        "window.visited.some((n) => n.matches('svg.panel')) && window.visited.some((n) => n.matches('canvas'))"
+        "window.visited.some((n) => n.matches('svg.figure')) && window.visited.some((n) => n.matches('canvas'))"
     )
 
 
@@ -248,7 +248,7 @@ def test_page_prints_black_on_white_with_all_figures(shown_as, data):
     shown_as.emulate_media(media="print")
     assert shown_as.evaluate("getComputedStyle(document.body).color") == "rgb(0, 0, 0)"
     shown = (
-        "[...document.querySelectorAll('figure svg.panel, figure canvas')].filter((n) => n.getClientRects().length)"
+        "[...document.querySelectorAll('figure svg.figure, figure canvas')].filter((n) => n.getClientRects().length)"
     )
     assert shown_as.evaluate(f"{shown}.length") == len(data["figures"]) + len(data["surfaces"])
 
@@ -269,7 +269,7 @@ def test_ticks_of_a_narrow_range_differ(chromium, tmp_path):
     rows = "".join(f"{0.1 * k:.1f},{0.90001 + 4e-6 * k:.6f},ok\n" for k in range(5))
     (tmp_path / "sweep.csv").write_text("depth_mm,fem_force_N,status\n" + rows)
     page = opened(chromium, Path(report_page.report(tmp_path, solve=False)["file"]))
-    script = "[...document.querySelectorAll('.panel .role-axis-label text')].map((text) => text.textContent)"
+    script = "[...document.querySelectorAll('svg.figure .role-axis-label text')].map((text) => text.textContent)"
     labels = page.evaluate(script)
     high = [label for label in labels if label.startswith("0.9")]
     assert len(high) > 2

@@ -25,22 +25,22 @@ def test_value_bound_and_margin_agree():
     rows = rows_of(MOLD_STAR)
     for row in rows.values():
         words = row["name"].rpartition(" ")[0]
-        if not row["margin"].endswith("%") and not row["margin"].endswith("% left"):
+        if not row["half_width"].endswith("%") and not row["half_width"].endswith("% left"):
             continue
         bound, way = float(row["name"].rpartition(" ")[2]), 1 if words.endswith("at least") else -1
         share = way * (row["value"] / bound - 1)
-        assert ("missed" in row["margin"]) == (share < 0), row
+        assert ("missed" in row["half_width"]) == (share < 0), row
         if abs(share) < 1:
-            told = float(row["margin"].removeprefix("missed by ").partition(" ")[0])
+            told = float(row["half_width"].removeprefix("missed by ").partition(" ")[0])
             assert told == pytest.approx(100 * abs(share), rel=0.01), row
 
 
 def test_corners_are_those_of_the_silicone_and_the_load_is_required():
     rows = rows_of(MOLD_STAR)
-    assert rows["press force"]["worst"] == "E = 0.662 MPa"
-    assert rows["largest strain"]["worst"].startswith("E = 0.662 MPa, 3 N with 0.6 N")
+    assert rows["press force"]["beside"] == "E = 0.662 MPa"
+    assert rows["largest strain"]["beside"].startswith("E = 0.662 MPa, 3 N with 0.6 N")
     # an E of one's own has no range
-    assert rows_of(paper())["largest strain"]["worst"].startswith("E = 1 MPa, 3 N")
+    assert rows_of(paper())["largest strain"]["beside"].startswith("E = 1 MPa, 3 N")
 
 
 def test_a_harder_requirement_leaves_less():
@@ -48,7 +48,7 @@ def test_a_harder_requirement_leaves_less():
         field = name.replace(" ", "_")
         values = [rows_of(MOLD_STAR, dataclasses.replace(NEEDED, **{field: bound}))[name] for bound in (low, high)]
         assert values[0]["value"] == values[1]["value"]
-        assert values[0]["margin"] != values[1]["margin"]
+        assert values[0]["half_width"] != values[1]["half_width"]
 
 
 def test_what_is_not_known_is_said():
@@ -57,7 +57,7 @@ def test_what_is_not_known_is_said():
     for design in (paper(), dataclasses.replace(paper(), hall_layout="mlx90393")):
         found = required_margins.margins(design, needed)
         (row,) = [row for row in found["rows"] if row["name"].startswith("resolution in z")]
-        assert (row["value"], row["margin"]) == (None, "not known: no noise is given")
+        assert (row["value"], row["half_width"]) == (None, "not known: no noise is given")
         assert "missed" in found["message"]
     assert "requirements" in required_margins.margins(paper(), None)["message"]
     outside = required_margins.margins(dataclasses.replace(paper(), law="yeoh", yeoh_2=0.1), NEEDED)

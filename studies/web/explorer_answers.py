@@ -41,6 +41,7 @@ from studies.web import (
     state_answers,
     state_exports,
     state_pictures,
+    state_tables,
     time_answers,
 )
 from studies.web.explorer_state import ExplorerState, Request
@@ -133,7 +134,8 @@ class Answers:
         key = ("curve", mechanics(design), magnet, level, estimate)
         data = self._kept.get(key, lambda: state_answers.curve(design, magnet, level, estimate=estimate))
         data = data if made is None else state_answers.curve_of_made_sensor(data, design, made)
-        return state_answers.with_formulas(data, design)
+        data = state_answers.with_formulas(data, design)
+        return data | {"figures": state_tables.curve_figures(data)}
 
     def _stability(self, state: ExplorerState, level: str) -> Iterator[Answer]:
         """Yield the stability by the surrogate, and by finite elements at the level of the state."""
@@ -163,9 +165,12 @@ class Answers:
             if self._vibrating is None or self._vibrating[0] != key:
                 self._vibrating = None
                 self._vibrating = key, time_answers.prepare(*key)
-            return time_answers.vibration(self._vibrating[1], state.frequency)
+            data = time_answers.vibration(self._vibrating[1], state.frequency)
         except (BadInput, SolveFailed) as error:
-            return time_answers.refusal(str(error))
+            data = time_answers.refusal(str(error))
+        stability = self._kept.values.get(("stability", mechanics(state.design), state.magnet, level), {})
+        silicone = time_answers.rate_sentence(state.design, state.frequency, stability.get("first_mode_hz"))
+        return data | {"message": f"{data['message']} {silicone}".strip()}
 
     def _loop(self, request: Request, level: str) -> Iterator[Answer]:
         """Yield the loop of a linear spring first, and by finite elements at the level of the state."""

@@ -31,13 +31,12 @@ from studies.inputs import user_input
 from studies.web import explorer_workers, state_exports
 from studies.web.explorer_state import Request, explorer_fields, request_of, wrong_field
 from studies.web.explorer_workers import encoded, fault
+from studies.web.page_content import PAGE, page_charts
 
 if TYPE_CHECKING:
     from studies.calibration.sensor_fit import Fit
     from studies.sizing.requirements import Requirements
 
-PAGE = Path(__file__).parent / "page"
-"""Files of the page."""
 INDEX, CONTROLS = "index.html", "fields.json"
 COOKIE = "magtip_token"
 POLICY = (
@@ -166,7 +165,8 @@ class Files(Guarded):
             raise tornado.web.HTTPError(404)
         self.set_header("Content-Type", TYPES[Path(name).suffix])
         made = name == CONTROLS
-        self.finish(json.dumps(explorer_fields(paper(), self.shared.needed)) if made else FILES[name].read_bytes())
+        content = {"fields": explorer_fields(paper(), self.shared.needed), "charts": page_charts()} if made else None
+        self.finish(json.dumps(content) if made else FILES[name].read_bytes())
 
 
 class Live(Ours, tornado.websocket.WebSocketHandler):

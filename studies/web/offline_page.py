@@ -30,9 +30,9 @@ from studies.inputs import user_input
 from studies.inputs.option_groups import Motion
 from studies.output import atomic_files
 from studies.output.page_templates import rendered
-from studies.web import state_answers, state_exports, state_pictures
+from studies.web import state_answers, state_exports, state_pictures, state_tables
 from studies.web.explorer_state import RATES, ExplorerState, Level, components, explorer_fields
-from studies.web.page_content import as_json, packed
+from studies.web.page_content import as_json, packed, page_charts
 
 if TYPE_CHECKING:
     from fem.solution import Solution
@@ -190,7 +190,8 @@ def page(design: Design, stops: Stops, states: list[list[Data]]) -> str:
         "sensor": sensor,
         "stops": {"depth": stops.depth, "shear": stops.shear, "direction": stops.direction},
         "states": states,
-        "curve": curve,
+        "curve": {"figures": state_tables.curve_figures(curve)},
+        "charts": page_charts(),
         "stability": state_answers.by_finite_elements(design, magnet, LEVEL),
         "files": {
             "design.toml": user_input.design_text(design),

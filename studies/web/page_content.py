@@ -17,10 +17,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from studies.output import figures
+
 if TYPE_CHECKING:
     from markupsafe import Markup
 
     from studies.web.folder_contents import Contents
+
+PAGE = Path(__file__).parent / "page"
+"""Files of the pages."""
 
 
 def as_json(message: Any, array: Callable[[Any], Any] | None = None) -> str:
@@ -52,6 +57,42 @@ def _finite(value: Any) -> Any:
     if isinstance(value, dict):
         return {key: _finite(one) for key, one in value.items()}
     return [_finite(one) for one in value] if isinstance(value, (list, tuple)) else value
+
+
+def page_charts() -> dict[str, Any]:
+    """Return the descriptions of the live page's figures, and the theme of all figures."""
+    charts: dict[str, Any] = json.loads((PAGE / "charts.json").read_text("utf-8"))
+    return charts | {"theme": page_theme()}
+
+
+def page_theme() -> dict[str, Any]:
+    """Return the theme of the figures with the colours of the page, which change with its own theme."""
+    soft, ink = {"labelColor": "var(--soft)"}, {"titleColor": "var(--ink)"}
+    own: dict[str, Any] = {
+        "background": None,
+        "range": {"category": [f"var(--s{k})" for k in range(len(figures.COLOURS))]},
+        "axis": soft | ink | {"gridColor": "var(--grid)", "tickColor": "var(--soft)"},
+        "legend": {"labelColor": "var(--ink)", "titleColor": "var(--soft)"},
+        "header": {"labelColor": "var(--ink)"},
+        "view": {"stroke": "var(--soft)"},
+        "style": {
+            "guide": {"color": "var(--soft)"},
+            "guide-label": {"color": "var(--soft)"},
+            "band": {"color": "var(--ink)"},
+            "label": {"color": "var(--ink)"},
+            "failed": {"color": "var(--soft)"},
+        },
+    }
+    return _merged(figures.THEME, own)
+
+
+def _merged(base: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str, Any]:
+    """Return nested mappings with the values of the second one where it has some."""
+    parts = {
+        key: _merged(base.get(key, {}), value) if isinstance(value, Mapping) else value
+        for key, value in other.items()
+    }
+    return {**base, **parts}
 
 
 MOST_LEAD = 900

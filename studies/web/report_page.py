@@ -19,16 +19,15 @@ from typing import Any
 from geometry.design import BadInput, Design
 from geometry.loads import Load
 from geometry.messages import Progress
-from studies.output import atomic_files, figures, provenance
+from studies.output import atomic_files, provenance
 from studies.output.figures import Figure
 from studies.output.text_tables import quantity_name
 from studies.web import folder_contents, report_sections
 from studies.web.folder_contents import Table
-from studies.web.page_content import Budget, as_json, lead_of, page_html, sources, title_of
+from studies.web.page_content import PAGE, Budget, as_json, lead_of, page_html, page_theme, sources, title_of
 from studies.web.report_sections import Section
 
-PAGE = Path(__file__).parent / "page"
-SCRIPTS = ("format", "theme", "exports", "report_figures", "sensor_view", "report_surface", "report_page")
+SCRIPTS = ("format", "theme", "exports", "figures", "sensor_view", "report_surface", "report_page")
 """Scripts of every report; three.js comes before them where there is a figure in 3D."""
 GENERATOR = "magtip report"
 """Text by which a page of a report is recognised, so that no other file is replaced."""
@@ -101,7 +100,6 @@ def report(
 def page(folder: Path, sections: Sequence[Section], command: str) -> str:
     """Return the text of the page."""
     import jinja2
-    import vl_convert
     from markupsafe import Markup
 
     environment = jinja2.Environment(
@@ -123,7 +121,7 @@ def page(folder: Path, sections: Sequence[Section], command: str) -> str:
         "theme": page_theme(),
     }
     scripts = [
-        vl_convert.javascript_bundle("window.vegaEmbed = vegaEmbed;"),
+        (PAGE / "vendor" / "vega.js").read_text("utf-8"),
         *([(PAGE / "vendor" / "three.js").read_text("utf-8")] if data["surfaces"] else []),
         *((PAGE / f"{name}.js").read_text("utf-8") for name in SCRIPTS),
     ]
@@ -237,36 +235,6 @@ def _packed(column: list[Any]) -> list[Any] | dict[str, list[Any]]:
         places = {value: k for k, value in enumerate(dict.fromkeys(column))}
         return {"texts": list(places), "at": [places[value] for value in column]}
     return [float(f"{value:.6g}") if isinstance(value, float) else value for value in column]
-
-
-def page_theme() -> dict[str, Any]:
-    """Return the theme of the figures with the colours of the page, which change with its own theme."""
-    soft, ink = {"labelColor": "var(--soft)"}, {"titleColor": "var(--ink)"}
-    own: dict[str, Any] = {
-        "background": None,
-        "range": {"category": [f"var(--s{k})" for k in range(len(figures.COLOURS))]},
-        "axis": soft | ink | {"gridColor": "var(--grid)", "tickColor": "var(--soft)"},
-        "legend": {"labelColor": "var(--ink)", "titleColor": "var(--soft)"},
-        "header": {"labelColor": "var(--ink)"},
-        "view": {"stroke": "var(--soft)"},
-        "style": {
-            "guide": {"color": "var(--soft)"},
-            "guide-label": {"color": "var(--soft)"},
-            "band": {"color": "var(--ink)"},
-            "label": {"color": "var(--ink)"},
-            "failed": {"color": "var(--soft)"},
-        },
-    }
-    return _merged(figures.THEME, own)
-
-
-def _merged(base: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str, Any]:
-    """Return nested mappings with the values of the second one where it has some."""
-    parts = {
-        key: _merged(base.get(key, {}), value) if isinstance(value, Mapping) else value
-        for key, value in other.items()
-    }
-    return {**base, **parts}
 
 
 def _file_name(title: str, folder: str) -> str:

@@ -24,6 +24,7 @@ from studies.sizing.candidate_performance import Performance
 from studies.sizing.candidate_variables import Variant
 from studies.sizing.catalogues import catalogues_of
 from studies.sizing.requirements import Requirements, read_requirements
+from studies.web.state_tables import number
 from studies.web.time_answers import refusal
 
 Data = dict[str, Any]
@@ -146,7 +147,7 @@ def variant_of(design: Design, needed: Requirements, *, nominal: bool = False) -
 
 
 def margins(design: Design, needed: Requirements | None) -> Data:
-    """Return the part `margins`: rows of name, unit, value, margin and where it is worst, and a message."""
+    """Return the part `margins`: a table of values with their margins, and where these are worst."""
     if needed is None:
         return refusal(NO_REQUIREMENTS)
     if not design.shape.has_magnet:
@@ -162,6 +163,7 @@ def margins(design: Design, needed: Requirements | None) -> Data:
     E, magnet, range_z = variant.silicone, variant.magnet, float(result.values["range_z"][0])
     kept = f" Strain, stability and saturation hold up to {range_z:.3g} N." if range_z > 0 else ""
     return {
+        "columns": ["reached, margin", "worst at"],
         "rows": rows,
         "message": f"{verdict}, by the surrogate's pessimistic ends, for E from {E.E_low:.4g} to {E.E_high:.4g} MPa "
         f"and remanences from {magnet.remanence_low:.4g} to {magnet.remanence_high:.4g} T.{kept} Margins are "
@@ -185,14 +187,9 @@ def _row(name: str, margin: float, result: Performance, variant: Variant, needed
         text = "not known: no noise is given" if name.startswith("resolution") else "not known"
     elif name in ("no_saturation", "clearance"):
         text = "met" if margin >= 0 else "missed"
-    return {
-        "name": f"{words}, at {'least' if way > 0 else 'most'} {scale * bound:.4g}",
-        "unit": unit,
-        "value": scale * value if math.isfinite(value) else None,
-        "half_width": None,
-        "margin": text,
-        "worst": _corner(name, figure, result, variant),
-    }
+    name_and_bound = f"{words}, at {'least' if way > 0 else 'most'} {scale * bound:.4g}"
+    known = scale * value if math.isfinite(value) else None
+    return number(name_and_bound, unit, known, text, _corner(name, figure, result, variant))
 
 
 def _corner(name: str, figure: str, result: Performance, variant: Variant) -> str:

@@ -15,7 +15,6 @@ import numpy as np
 from analytic import beam, hall
 from analytic.inverse.forward_model import slopes_at
 from analytic.parts import of_design
-from analytic.relaxation_loops import loop
 from fem.accuracy import LEVELS
 from fem.analyses import modes, stability
 from fem.equilibrium import trace
@@ -23,12 +22,13 @@ from fem.solution import Solution
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Magnet, Response
-from geometry.relaxation import range_sentence, relaxation_of
 from studies.mechanics import surrogate_range, surrogate_response
 from studies.mechanics.path_solver import frequency_unit
 from studies.simulation.compare import default_loads
+from studies.web import state_tables
 from studies.web.explorer_state import ExplorerState
 from studies.web.state_pictures import section
+from studies.web.state_tables import number
 
 if TYPE_CHECKING:
     from analytic.decode import Decoder
@@ -41,11 +41,6 @@ CALIBRATED = "Force, readings and decoded load are those of the calibrated senso
 NOT_CALIBRATED = "This is not the design that was calibrated: all numbers are those of the design."
 
 Data = dict[str, Any]
-
-
-def number(name: str, unit: str, value: float | None, half_width: float | None = None) -> Data:
-    """Return a row of a table of the page; None where the value or its half width is unknown."""
-    return {"name": name, "unit": unit, "value": value, "half_width": half_width}
 
 
 def answer(
@@ -64,14 +59,15 @@ def answer(
     other : whether the page was started with the calibration of another design.
     """
     picture = {"section": section(state.design, solution, state.magnet)}
-    data = picture | numbers(state, solution, decoder, NOT_CALIBRATED if other else "")
-    return data if made is None else data | _of_made_sensor(data, state.design, solution.response, made)
+    return picture | numbers(state, solution, decoder, made, NOT_CALIBRATED if other else "")
 
 
-def numbers(state: ExplorerState, solution: Solution, decoder: Decoder | None, calibration: str = "") -> Data:
+def numbers(
+    state: ExplorerState, solution: Solution, decoder: Decoder | None, made: Fit | None = None, calibration: str = ""
+) -> Data:
     """Return the data of the part `state` without its section."""
     widths = half_widths(solution)
-    return {
+    data = {
         "calibration": calibration,
         "status": solution.status,
         "message": solution.message,
@@ -81,9 +77,11 @@ def numbers(state: ExplorerState, solution: Solution, decoder: Decoder | None, c
         "seconds": solution.seconds,
         "readings": readings(state.design, solution.response, widths),
         "decoded": None if decoder is None else decoded(decoder, solution.response, widths),
-        "rate": rate(state.design, state.frequency),
         "formulas": {level: formula(state.design, state.load, level) for level in beam.LEVELS},
     }
+    if made is not None:
+        data |= _of_made_sensor(data, state.design, solution.response, made)
+    return data | {"tables": state_tables.of_state(data), "figures": {"readings": state_tables.readings_figure(data)}}
 
 
 def response_of_made_sensor(response: Response, design: Design, made: Fit) -> tuple[Response, Data]:
@@ -150,28 +148,6 @@ def curve_of_made_sensor(data: Data, design: Design, made: Fit) -> Data:
         for own, more in zip(data["estimates"]["force"], half[:, 2].tolist(), strict=True)
     ]
     return data | {"force": force[:, 2].tolist(), "estimates": data["estimates"] | {"force": widths}}
-
-
-def rate(design: Design, frequency: float) -> Data | None:
-    """Return how the silicone behaves in small vibrations; None at 0 Hz, or where its branches do not speak.
-
-    "storage" is the storage modulus over the one that E is; "gap" that of the loop of a linear spring, a sine, in %
-    of full scale (`analytic.relaxation_loops`); inertia and the contact are left out. With this modulus the first
-    mode has `mode_factor` times its frequency, and the quality `mode_Q`, None without a loss.
-    """
-    relaxation = relaxation_of(design)
-    if not frequency or range_sentence(relaxation, frequencies=[frequency]):
-        return None
-    own = 1.0 if design.modulus == "instantaneous" else relaxation.rest
-    modulus = complex(relaxation.complex_modulus(2 * math.pi * frequency))
-    return {
-        "frequency": frequency,
-        "loss_factor": modulus.imag / modulus.real,
-        "storage": modulus.real / own,
-        "mode_factor": math.sqrt(modulus.real / own),
-        "mode_Q": modulus.real / modulus.imag if modulus.imag else None,
-        "gap": 100 * loop(relaxation, frequency, "sine").hysteresis,
-    }
 
 
 def response_data(response: Response) -> Data:
@@ -353,16 +329,22 @@ def by_surrogate(design: Design, magnet: Magnet) -> Data | None:
     unit = frequency_unit(design.D, design.E, design.density)
     found = math.isfinite(depth)
     known = bool(np.isfinite(mode.value[0]))
-    return {
-        "source": "surrogate",
+    numbers = {
         "critical_depth": depth if found else None,
         "estimate": float(critical.half_width[0]) * design.D if found else None,
-        "stable_to": float(beams.stable_to()[0]) * design.D,
         "first_mode_hz": unit * float(mode.value[0]) if known else None,
         "first_mode_estimate_hz": unit * float(mode.half_width[0]) if known else None,
-        "rows": [],
-        "message": "by the surrogate, with 90 % intervals; finite elements follow",
     }
+    return _stability(numbers, "surrogate", "by the surrogate, with 90 % intervals; finite elements follow")
+
+
+def _stability(numbers: Data, source: str, message: str, *more: Data) -> Data:
+    rows = [
+        number("critical depth", "mm", numbers["critical_depth"], numbers["estimate"]),
+        number("first mode", "Hz", numbers["first_mode_hz"], numbers["first_mode_estimate_hz"]),
+        *more,
+    ]
+    return numbers | {"columns": [source, ""], "rows": rows, "message": message}
 
 
 def by_finite_elements(design: Design, magnet: Magnet, level: str) -> Data:
@@ -376,17 +358,12 @@ def by_finite_elements(design: Design, magnet: Magnet, level: str) -> Data:
     frequency = first.frequency[0] if first.frequency else None
     share = first.estimates[0] if first.estimates else None
     estimates = critical.estimates
-    return {
-        "source": "finite elements",
+    numbers = {
         "critical_depth": critical.depth,
         "estimate": _times(estimates.depth, critical.depth),
-        "stable_to": critical.stable_to,
         "first_mode_hz": frequency,
         "first_mode_estimate_hz": _times(share, frequency),
-        "first_mode_shape": first.shape[0] if first.shape else None,
-        "rows": [
-            number("critical force", "N", critical.force, _times(estimates.force, critical.force)),
-            number("stable to", "mm", critical.stable_to),
-        ],
-        "message": message,
     }
+    force = number("critical force", "N", critical.force, _times(estimates.force, critical.force))
+    stable = number("stable to", "mm", critical.stable_to)
+    return _stability(numbers, "finite elements", message, force, stable)

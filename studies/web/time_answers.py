@@ -30,7 +30,7 @@ from studies.mechanics.cycle_motion import Motion, frequency_of
 from studies.simulation import response_curves
 from studies.simulation.response_curves import At
 from studies.web.explorer_state import ExplorerState
-from studies.web.state_answers import number
+from studies.web.state_tables import number
 
 if TYPE_CHECKING:
     from studies.calibration.sensor_fit import Fit
@@ -116,7 +116,7 @@ def vibration(vibrating: Vibrating, frequency: float) -> Data:
         for (row, its_unit), (value, scale) in values.items():
             rows.append(number(row, its_unit, value, None if error is None else error * scale))
     rows += _resonance(vibrating, motion)
-    return {"frequency": frequency, "motion": motion, "rows": rows, "message": _message(vibrating, motion, rows)}
+    return {"columns": ["finite elements", ""], "rows": rows, "message": _message(vibrating, motion, rows)}
 
 
 def _resonance(vibrating: Vibrating, motion: str) -> Rows:
@@ -167,7 +167,48 @@ def refusal(sentence: str) -> Data:
     """Return a part without numbers, and why there are none."""
     # the name of a field such as l0 stays as it is
     is_word = sentence.partition(" ")[0].isalpha()
-    return {"rows": [], "message": f"{sentence[:1].upper() if is_word else sentence[:1]}{sentence[1:]}."}
+    return {
+        "columns": ["", ""],
+        "rows": [],
+        "message": f"{sentence[:1].upper() if is_word else sentence[:1]}{sentence[1:]}.",
+    }
+
+
+def rate(design: Design, frequency: float) -> Data | None:
+    """Return how the silicone behaves in small vibrations; None at 0 Hz, or where its branches do not speak.
+
+    "storage" is the storage modulus over the one that E is; "gap" that of the loop of a linear spring, a sine, in %
+    of full scale (`analytic.relaxation_loops`); inertia and the contact are left out. With this modulus the first
+    mode has `mode_factor` times its frequency, and the quality `mode_Q`, None without a loss.
+    """
+    relaxation = relaxation_of(design)
+    if not frequency or range_sentence(relaxation, frequencies=[frequency]):
+        return None
+    own = 1.0 if design.modulus == "instantaneous" else relaxation.rest
+    modulus = complex(relaxation.complex_modulus(2 * math.pi * frequency))
+    return {
+        "frequency": frequency,
+        "loss_factor": modulus.imag / modulus.real,
+        "storage": modulus.real / own,
+        "mode_factor": math.sqrt(modulus.real / own),
+        "mode_Q": modulus.real / modulus.imag if modulus.imag else None,
+        "gap": 100 * relaxation_loops.loop(relaxation, frequency, "sine").hysteresis,
+    }
+
+
+def rate_sentence(design: Design, frequency: float, first_mode: float | None) -> str:
+    """Return what the silicone does in small vibrations; "" where that is not known."""
+    known = rate(design, frequency)
+    if known is None:
+        return ""
+    text = (
+        f"At {frequency:g} Hz the loss factor is {known['loss_factor']:.4g}, the silicone is {known['storage']:.4g} "
+        f"times as stiff as E, and a linear loop has a gap of {known['gap']:.4g} % of full scale."
+    )
+    if first_mode and known["mode_Q"]:
+        mode = first_mode * known["mode_factor"]
+        text += f" With both the first mode is at {mode:.4g} Hz with Q = {known['mode_Q']:.4g}."
+    return text
 
 
 def motion_of(state: ExplorerState) -> Motion:
@@ -196,7 +237,8 @@ def motion_of(state: ExplorerState) -> Motion:
 def linear_loop(state: ExplorerState, motion: Motion) -> Data:
     """Return the part `loop` of a linear spring of this silicone, in steady cycles."""
     gap = 100 * relaxation_loops.loop(relaxation_of(state.design), motion.frequency, motion.waveform).hysteresis
-    return _loop_data(state, motion, gap, None, [], "That of a linear spring; finite elements follow.")
+    text = "That of a linear spring; finite elements follow."
+    return _loop_data("linear spring", motion, number("gap at mid-stroke", "%", gap), [], text)
 
 
 def loop(state: ExplorerState, motion: Motion, made: Fit | None = None) -> Data:
@@ -238,15 +280,11 @@ def loop(state: ExplorerState, motion: Motion, made: Fit | None = None) -> Data:
         f"Cycle {CYCLES} of a triangle without inertia, {LOOP_LEVEL} mesh; half widths are those of the time steps."
     )
     text = " ".join(filter(None, [text, f"{cycles.message}." if cycles.message else ""]))
-    return _loop_data(state, motion, last["gap_percent"], spread, rows, text)
+    return _loop_data(
+        "finite elements", motion, number("gap at mid-stroke", "%", last["gap_percent"], spread), rows, text
+    )
 
 
-def _loop_data(
-    state: ExplorerState, motion: Motion, gap: float, half_width: float | None, more: Rows, message: str
-) -> Data:
-    rows = [
-        number("gap at mid-stroke", "%", gap, half_width),
-        *more,
-        number("cycle lasts", "s", 1 / motion.frequency),
-    ]
-    return {"speed": state.speed, "rows": rows, "message": message}
+def _loop_data(source: str, motion: Motion, gap: Data, more: Rows, message: str) -> Data:
+    rows = [gap, *more, number("cycle lasts", "s", 1 / motion.frequency)]
+    return {"columns": [source, ""], "rows": rows, "message": message}

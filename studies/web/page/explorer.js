@@ -37,6 +37,7 @@ const Explorer = (() => {
   let current = "";
   let pending = 0;
   let drawing = false;
+  let later = 0;
   const dirty = new Set();
   const shownSides = () => (sides.b ? ["a", "b"] : ["a"]);
   const value = (side) => (name) => sides[side][name];
@@ -225,10 +226,12 @@ const Explorer = (() => {
     else if (all.has("wish")) drawWish();
     if (all.has("sensor3d")) drawSensor(true);
     else if (all.has("turn")) drawSensor(false);
-    if (all.has("curve") || all.has("state")) drawCurves();
-    if (all.has("stability") || all.has("state")) drawStability();
-    for (const part of engine.parts || [])
-      if (all.has(part) || all.has("state") || all.has("stability")) drawInTime(part);
+    if (all.has("state") || Requests.PARTS.some((part) => all.has(part))) {
+      drawNumbers();
+      // the picture comes first
+      clearTimeout(later);
+      later = setTimeout(drawFigures, 0);
+    }
     if (all.has("commands"))
       for (const node of document.querySelectorAll("[data-command]")) {
         Format.put(node, answers[view.edit].commands?.data[node.dataset.command] || "");
@@ -282,22 +285,6 @@ const Explorer = (() => {
       views.sensors[side].grey(Boolean(refusals[side]));
       one.say(caption(side));
     }
-    const rows = (kind) => list.map((side) => Numbers[kind](state(side) || Numbers.EMPTY, view.formula));
-    views.response.show(list, rows("response"), { last: `formula ${view.formula}` });
-    const beyond = state(view.edit)?.formulas[view.formula]?.message;
-    const notes = [state(view.edit)?.calibration, beyond && `Formula ${view.formula}: ${beyond}`];
-    Format.put($("#formula-note"), notes.filter(Boolean).join(" "));
-    views.readings.show(list, rows("readings"), {
-      none: state(view.edit)?.readings?.message || "This sensor has no magnet to read.",
-    });
-    views.decoded.show(list, rows("decoded"));
-    Format.put($("#decoded-note"), state(view.edit) ? Numbers.decoding(state(view.edit)) : "");
-    const read = list.filter((side) => state(side)?.readings?.elements?.length);
-    const highest = Math.max(...list.flatMap((side) => state(side)?.readings?.high || [sides[side].hall_high]));
-    views.bars.show(
-      read.map((side) => ({ side, unit: state(side).readings.units?.[0] || "V", ...state(side).readings })),
-      1.05 * highest,
-    );
   }
 
   // Before the answer: where the plate is to go, and that the solve is on its way.
@@ -352,79 +339,53 @@ const Explorer = (() => {
       );
   }
 
-  function drawCurves() {
-    const list = shownSides().filter((side) => answers[side].curve);
-    if (!list.length) return;
-    for (const quantity of ["force", "shift"])
-      views.curves[quantity].show(
-        list.map((side) => {
-          const { depth, estimates = {}, formulas, ...data } = answers[side].curve.data;
-          return {
-            side,
-            depth,
-            values: data[quantity],
-            half: estimates[quantity],
-            paper: formulas.paper?.[quantity],
-            level: formulas[view.formula]?.[quantity],
-            name: view.formula,
-            now: sides[side].depth,
-          };
-        }),
+  // Tables and figures are those of the part of their panel; the press near which it may buckle gets a warning.
+  function drawNumbers() {
+    const list = shownSides();
+    for (const [name, table] of Object.entries(views.tables)) {
+      const part = table.box.closest(".panel").dataset.part;
+      const found = list.map((side) => answers[side][part]?.data);
+      table.show(
+        list,
+        found.map((data) => data?.tables?.[name] ?? (data?.rows && data)),
+        view.formula,
       );
-  }
-
-  // What the silicone does in small vibrations at the frequency, "" where that is not known.
-  function rateText(name, rate, mode) {
-    if (!rate) return "";
-    const { number, plain } = Format;
-    const { loss_factor: loss, storage, gap, mode_factor: factor, mode_Q: Q } = rate;
-    const first =
-      mode && Q ? ` With both the first mode is at ${number(mode * factor)} Hz with Q = ${number(Q)}.` : "";
-    return (
-      `${name}At ${plain(rate.frequency)} Hz the loss factor is ${number(loss)}, the silicone is ${number(storage)} ` +
-      `times as stiff as E, and a linear loop has a gap of ${number(gap)} % of full scale.${first}`
-    );
-  }
-
-  // Vibration about the state, or the loop up to it; what the silicone alone does stands in the note of the vibration.
-  function drawInTime(part) {
-    const list = shownSides();
-    const data = list.map((side) => answers[side][part]?.data);
-    const linear = list.some((side) => answers[side][part]?.level === "linear");
-    const name = (side) => (sides.b ? `${side.toUpperCase()}: ` : "");
-    const mode = (side) => answers[side].stability?.data.first_mode_hz;
-    const rates =
-      part === "vibration"
-        ? list.map((side) => rateText(name(side), answers[side].state?.data.rate, mode(side)))
-        : [];
-    const notes = Format.once(list.map((side, k) => [name(side), data[k]?.message || ""]));
-    const empty = !data.some((one) => one?.rows?.length);
-    views[part].show(list, data.map(Numbers.listed), {
-      none: (empty && notes) || " ",
-      ...(part === "margins" ? {} : { first: linear ? "linear spring" : engine.model }),
+    }
+    const critical = (side) => answers[side].stability?.data.critical_depth ?? NaN;
+    const near = list.filter((side) => sides[side].depth > NEAR * critical(side));
+    const texts = near.map((side) => {
+      const where = sides[side].depth > critical(side) ? "beyond" : "near";
+      const name = sides.b ? `${side.toUpperCase()}: the` : "The";
+      const depth = Format.plain(sides[side].depth);
+      return `${name} depth of ${depth} mm is ${where} the critical depth: the press may buckle sideways.`;
     });
-    Format.put($(`#${part}-note`), [empty ? "" : notes, ...rates].filter(Boolean).join(" "));
-  }
-
-  function drawStability() {
-    const list = shownSides();
-    const stability = list.map((side) => answers[side].stability?.data || Numbers.EMPTY.stability);
-    views.stability.show(list, stability.map(Numbers.stability), { first: stability[0].source || engine.model });
-    Format.put(
-      $("#stability-note"),
-      Format.once(stability.map((one, k) => [sides.b ? `${list[k].toUpperCase()}: ` : "", one.message || ""])),
-    );
-    const texts = list
-      .filter((side, k) => stability[k].critical_depth && sides[side].depth > NEAR * stability[k].critical_depth)
-      .map((side) => {
-        const beyond = sides[side].depth > answers[side].stability.data.critical_depth;
-        const name = sides.b ? `${side.toUpperCase()}: the` : "The";
-        const depth = Format.plain(sides[side].depth);
-        const where = beyond ? "beyond" : "near";
-        return `${name} depth of ${depth} mm is ${where} the critical depth: the press may buckle sideways.`;
-      });
     $("#near").hidden = !texts.length;
     Format.put($("#near"), texts.join(" "));
+  }
+
+  function drawFigures() {
+    const list = shownSides();
+    const models = [undefined, "finite elements", "paper's formula", `formula ${view.formula}`];
+    for (const [name, figure] of Object.entries(views.figures)) {
+      const part = figure.box.closest(".panel").dataset.part;
+      const found = list.filter((side) => answers[side][part]?.data.figures?.[name]);
+      figure.box.hidden = !found.length;
+      if (!found.length) continue;
+      const series = (side) => (sides.b ? side.toUpperCase() : "");
+      const rows = found.flatMap((side) =>
+        answers[side][part].data.figures[name].rows
+          .filter((row) => models.includes(row.model))
+          .map((row) => ({ ...row, series: series(side) })),
+      );
+      const now = found
+        .filter((side) => sides[side].depth > 0)
+        .map((side) => ({ depth: sides[side].depth, series: series(side) }));
+      const { chart, title } = answers[found[0]][part].data.figures[name];
+      const spec = JSON.parse(JSON.stringify(views.charts[chart]).replaceAll("VALUE", title));
+      spec.description = `${title}. Arrow keys read values.`;
+      if (sides.b) spec.encoding.color.legend = { title: null };
+      figure.show(spec, chart === "curve" ? { rows, now } : { rows });
+    }
   }
 
   // Whether everything that is shown belongs to the newest requests, at the level where they rest.
@@ -485,7 +446,7 @@ const Explorer = (() => {
     });
     $("#controls").addEventListener("submit", (event) => event.preventDefault());
     const watch = new ResizeObserver(() => {
-      for (const one of [views.curves.force, views.curves.shift, views.bars]) one.size();
+      for (const one of Object.values(views.figures)) one.size();
       touch("state", "turn");
     });
     for (const box of document.querySelectorAll(".canvas-box, .sensor canvas, .chart")) watch.observe(box);

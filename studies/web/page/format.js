@@ -30,9 +30,8 @@ const Format = (() => {
     return `${Number(mantissa)} × 10${raised}`.replace(/^1 × /, "").replace(/^-/, "−");
   }
 
-  // A half width with two digits; NaN for one that is not known yet.
-  const width = (value) =>
-    value === null || value === undefined ? "" : isFinite(value) ? `± ${number(value, 2)}` : "± …";
+  // A half width with two digits, or the text in its place.
+  const width = (value) => (typeof value === "number" ? `± ${number(value, 2)}` : (value ?? ""));
 
   // A value in an input: as short as possible, with a decimal point in every locale.
   const plain = (value) => String(Number(Number(value).toPrecision(6)));

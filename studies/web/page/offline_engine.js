@@ -98,7 +98,7 @@ const OfflineEngine = (text) => {
     ask,
     async fields() {
       page = await content();
-      return page.fields;
+      return page;
     },
     // files that need no server
     async file(name, { state }) {

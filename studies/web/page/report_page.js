@@ -1,27 +1,5 @@
 "use strict";
-// The page: readout box, data tables and CSV files, themes, and the start of all figures.
-
-const Tip = (() => {
-  const box = document.getElementById("tip");
-  const live = document.getElementById("live");
-  return {
-    show(lines, x, y, spoken) {
-      box.replaceChildren();
-      lines.forEach((line, k) => Format.make(k ? "div" : "strong", {}, box, line));
-      box.hidden = false;
-      const size = box.getBoundingClientRect();
-      const wide = document.documentElement.clientWidth;
-      const left = x + 14 + size.width > wide ? Math.max(4, x - 14 - size.width) : x + 14;
-      const top = y + 12 + size.height > window.innerHeight ? y - 12 - size.height : y + 12;
-      box.style.left = `${left}px`;
-      box.style.top = `${Math.max(4, top)}px`;
-      if (spoken) live.textContent = lines.join(", ");
-    },
-    hide() {
-      box.hidden = true;
-    },
-  };
-})();
+// The page of a report: data tables and CSV files, themes, and the start of all figures.
 
 (() => {
   const data = JSON.parse(document.getElementById("report-data").textContent, Format.unpacked);

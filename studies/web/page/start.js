@@ -16,8 +16,9 @@
     Explorer.say(why === "token" ? OTHER : GONE);
   });
   let fields = null;
+  let charts = null;
   try {
-    fields = await engine.fields();
+    ({ fields, charts } = await engine.fields());
   } catch (error) {
     Explorer.say(
       error.message === "token"
@@ -42,25 +43,13 @@
       Explorer.touch("turn"),
     );
   }
-  views.curves = Object.fromEntries(
-    ["force", "shift"].map((name) => [
-      name,
-      Charts.curve($(`[data-chart=${name}]`), name, $(`#${name}-panel .readout`), engine.model),
-    ]),
-  );
-  views.bars = Charts.readings($("[data-chart=readings]"));
-  const columns = {
-    response: [engine.model, "formula"],
-    readings: ["under this load", "change"],
-    decoded: ["from the readings", "noise (rms)"],
-    stability: [engine.model, null],
-    vibration: ["finite elements", null],
-    loop: ["finite elements", null],
-    margins: ["reached, margin", "worst at"],
-  };
-  for (const [name, titles] of Object.entries(columns)) {
-    views[name] = Numbers.table($(`[data-table=${name}]`), ...titles);
-  }
+  const named = (kind, make) =>
+    Object.fromEntries(
+      [...document.querySelectorAll(`[data-${kind}]`)].map((box) => [box.dataset[kind], { box, ...make(box) }]),
+    );
+  views.charts = charts;
+  views.tables = named("table", (box) => ({ show: Numbers.table(box) }));
+  views.figures = named("chart", (box) => Figures.changing(box, charts.theme));
   const controls = Controls.build(fields, $("#groups"), (field, value, done) => {
     const values = field.sets ? (field.sets[value] ?? {}) : { [field.name]: value };
     for (const [name, one] of Object.entries(values)) Explorer.set(view.edit, name, one, done);
@@ -69,10 +58,7 @@
   Explorer.use({ fields, controls, views, requests });
   Explorer.wire();
 
-  Theme.start($("#theme"), () => {
-    for (const one of [views.curves.force, views.curves.shift, views.bars]) one.redraw();
-    Explorer.touch("state", "curve");
-  });
+  Theme.start($("#theme"), () => Explorer.touch("state", "curve"));
 
   const tell = (text) => {
     $("#live").textContent = text;
@@ -130,10 +116,7 @@
       ...list.map((side) => $(`figure.section[data-side=${side}] figcaption`).textContent),
     ];
     const rows = ["sections", "sensors"].map((kind) => list.map((side) => views[kind][side].canvas));
-    return Exports.picture(texts, [
-      ...rows,
-      [views.curves.force, views.curves.shift, views.bars].map((one) => one.canvas()),
-    ]);
+    return Exports.picture(texts, [...rows, Object.values(views.figures).map(({ box }) => box.querySelector("svg"))]);
   }
 
   engine.onOpened(() => {
@@ -141,7 +124,7 @@
     if (/server/i.test(Explorer.notice())) Explorer.say("");
     requests.opened();
   });
-  engine.onMeasured?.(Measured($("#measured-panel"), () => engine.ask({ zero: true })));
+  engine.onMeasured?.(Measured($("#measured-panel"), charts, () => engine.ask({ zero: true })));
   Explorer.begin();
   engine.start();
   document.documentElement.dataset.ready = "yes";
