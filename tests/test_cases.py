@@ -1,4 +1,4 @@
-"""A table of cases: one row in, one row out, the same answers as solves and formulas one at a time."""
+"""A table of cases: one row in, one row out, with the answers of solves and formulas one at a time."""
 
 import math
 import time
@@ -8,17 +8,27 @@ from decimal import Decimal
 import numpy as np
 import pandas as pd
 import pytest
+from stores import temporary
 
 from analytic import beam
+from analytic.relaxation_loops import loop
 from fem.accuracy import QUICK
+from fem.analyses.vibration import vibrating_sensor
 from fem.equilibrium import solve
-from geometry.design import BadInput, paper
+from fem.physics_version import PHYSICS
+from fem.scene import Scene
+from geometry.design import BadInput, Design, paper
 from geometry.loads import Load
+from geometry.relaxation import relaxation_of
 from studies import cases
+from studies.inputs.study_input import Factor, grid
 from studies.mechanics import surrogate_response
-from studies.mechanics.path_solver import Answer
-from studies.mechanics.study_cases import Problem
-from studies.sweeps.study_rows import with_critical
+from studies.mechanics.path_solver import Answer, place
+from studies.mechanics.solve_plan import Processes
+from studies.mechanics.study_cases import Cases, FemModel, Plan, Problem, load_of, varied
+from studies.mechanics.timed_quantities import PlateMotion
+from studies.sweeps import sweep
+from studies.sweeps.study_rows import flat_rows, with_critical
 
 
 @pytest.fixture
@@ -102,27 +112,6 @@ def test_no_number_of_a_load_is_taken_for_zero(ask):
     assert found["analytic_force_x_N"].isna().tolist() == [False, True, True]
 
 
-def test_grips_and_presses_stand_in_one_table(ask):
-    columns = {
-        "depth_mm": [0.5, 0.0],
-        "shear_mm": [0.2, 0.5],
-        "grip_mm": [math.nan, 5.0],
-        "friction": ["stick", "stick"],
-    }
-    found = ask(columns, ["fem:quick"], quantities=["force"])
-    pressed = solve(paper(), Load(0.5, 0.2, friction="stick"), QUICK).response
-    gripped = solve(paper(), Load(0.0, 0.5, friction="stick", grip=5.0), QUICK).response
-    forces = found[["fem_force_x_N", "fem_force_N"]].to_numpy()
-    expected = [[one.force[0], one.force[2]] for one in (pressed, gripped)]
-    assert forces == pytest.approx(np.array(expected), rel=1e-6, abs=1e-9)
-
-
-def test_solved_states_are_kept(ask):
-    first = ask({"depth_mm": [0.5]}, ["fem:quick"])
-    again = ask({"depth_mm": [0.5]}, ["fem:quick"], workers=0)
-    pd.testing.assert_frame_equal(first, again)
-
-
 def test_a_table_of_designs_and_loads_is_solved_with_an_accuracy_of_its_own(ask):
     designs = [paper(), replace(paper(), L=12.0, l0=11.0, nu=0.48)]
     loads = [Load(0.5, 0.2, friction="stick", plate_tilt=0.05), Load(0.0, 0.5, friction="stick", grip=5.0)]
@@ -142,27 +131,14 @@ def test_the_tolerance_chooses_for_each_row(ask):
     assert found["chosen_force_N"].notna().all()
 
 
-def test_a_table_without_rows_has_an_answer_without_rows(ask):
-    assert len(ask(pd.DataFrame({"depth_mm": []}))) == 0
-
-
-def test_a_column_that_stands_twice_is_refused(ask):
-    with pytest.raises(BadInput, match="depth_mm stands twice"):
-        ask(pd.DataFrame([[1.0, 2.0]], columns=["depth_mm", "depth_mm"]))
-
-
 @pytest.mark.parametrize(
     ("columns", "options", "reason"),
     [
         ({"depht_mm": [1]}, {}, "there is no field 'depht_mm' .* did you mean depth_mm"),
-        ({"depth": [1]}, {}, "did you mean depth_mm"),
         ({"L_mm": [10]}, {}, "neither depth_mm nor grip_mm"),
         ({"depth_mm": [1]}, {"models": "paper"}, "models must be a list of names; got 'paper'"),
-        ({"depth_mm": [1]}, {"base": "paper"}, "base must be a geometry.design.Design"),
-        ({"depth_mm": [1]}, {"reference": 3}, "reference must be the name of a model"),
         ({"depth_mm": [1]}, {"models": ["fim"]}, "there is no model 'fim'"),
         ({"depth_mm": [1]}, {"models": ["fem", "fem:standard"]}, "given twice"),
-        ({"depth_mm": [1]}, {"models": []}, "no model"),
         ({"depth_mm": [1]}, {"quantities": ["modes"]}, "needs finite elements"),
         ({"depth_mm": [1]}, {"models": ["surrogate"], "quantities": ["critical_depth"]}, "needs finite elements"),
         ({"depth_mm": [1]}, {"models": ["fem", "tolerance:1%"]}, "chooses the finite elements"),
@@ -199,7 +175,199 @@ def test_a_state_is_called_unstable_where_it_or_the_critical_depth_says_so(depth
     assert text in message
 
 
-def test_a_search_without_a_critical_depth_says_how_far_it_went():
-    none = Answer(8.0, 1.0, None, "ok", "", math.nan, 0.0, values={"stable_to_over_D": 0.25})
-    text = "no critical depth down to 2 mm, where the search ends"
-    assert with_critical("ok", none, Problem(paper(), Load(1.0), "rigid", "")) == ("ok", text)
+# Cases of a study: batches of any cut are the same cases, and codes tell apart what the mechanics depend on.
+
+
+PLAN = Plan(
+    paper(),
+    (*grid({"f": [5.0, 6.0], "D": [7.0, 8.0, 3.0]}), Factor(("E", "depth"), ((1.0, 2.0), (0.5, 1.0)))),
+    {},
+    "rigid",
+    (FemModel("quick", QUICK),),
+    ("paper",),
+    ("force",),
+)
+
+NORTH = (Factor(("magnet_north",), (("down", "up"),)),)
+
+
+def seen(cases, indices):
+    """The values, sensors and problems of cases."""
+    batch = cases.batch(np.array(indices))
+    return [
+        (
+            {name: values[k] if name == "magnet_north" else float(values[k]) for name, values in batch.axes.items()},
+            float(batch.E[k]),
+            batch.sensors[batch.sensor[k]],
+            batch.problems[batch.problem[k]],
+        )
+        for k in range(len(batch))
+    ]
+
+
+def test_batches_do_not_depend_on_how_the_study_is_cut():
+    cases = Cases(PLAN)
+    alone = [seen(Cases(PLAN), [k])[0] for k in range(PLAN.count)]
+    together = seen(cases, range(PLAN.count))
+    for one, other in zip(alone, together, strict=True):
+        assert one[:3] == other[:3]
+        # f does not change the mechanics: problems may come from a case with another f
+        assert (one[3].load, one[3].message) == (other[3].load, other[3].message)
+        if one[3].design is not None:
+            assert one[3].design.shape == other[3].design.shape
+    part = cases.batch(np.arange(PLAN.count)).part(3, 7)
+    assert part.axes["D"].tolist() == [row[0]["D"] for row in alone[3:7]]
+
+
+def test_f_and_E_make_no_further_problems():
+    assert Cases(PLAN).distinct_problems().tolist() == [0, 1, 2, 3, 4, 5]
+    only_E = Plan(**{name: getattr(PLAN, name) for name in PLAN.__slots__} | {"factors": grid({"E": [1.0, 2.0]})})
+    assert Cases(only_E).distinct_problems().tolist() == [0]
+    turned = Plan(**{name: getattr(PLAN, name) for name in PLAN.__slots__} | {"factors": NORTH})
+    assert Cases(turned).distinct_problems().tolist() == [0]
+    assert [row[2].magnet_north for row in seen(Cases(turned), range(2))] == ["down", "up"]
+    lossy = Plan(
+        **{name: getattr(PLAN, name) for name in PLAN.__slots__} | {"factors": grid({"loss_factor": [0.1, 0.2]})}
+    )
+    assert Cases(lossy).distinct_problems().tolist() == [0]
+    pushed = Plan(**{name: getattr(only_E, name) for name in PLAN.__slots__} | {"load": {"imperfection": 0.01}})
+    # a dead force is not proportional to E
+    assert Cases(pushed).distinct_problems().tolist() == [0, 1]
+
+
+def test_the_elements_stay_in_the_base_unless_l0_varies():
+    assert varied(paper(), {"D": 10.0}).l0 == pytest.approx(6.2)
+    assert varied(paper(), {"D": 10.0, "l0": 7.0}).l0 == 7.0
+    # a higher magnet needs more than the base design's l0 only before the elements are moved away
+    base = replace(paper(), l0=1.5)
+    assert varied(base, {"L": 12.0, "magnet_height": 4.0}).l0 == pytest.approx(4.5)
+
+
+def test_loads_stick_when_they_shear_unless_told_otherwise():
+    assert load_of({"depth": 1.0}) == Load(depth=1.0)
+    assert load_of({"depth": 1.0, "shear": 1.0}).friction == "stick"
+    assert load_of({"depth": 1.0, "shear": 1.0, "friction": 0.3}).friction == 0.3
+    assert load_of({"grip": 1.0, "shear": 1.0}).friction == "none"
+    assert load_of({"depth": 1.0, "plate_tilt": 180 / np.pi * 0.1}).plate_tilt == pytest.approx(0.1)
+
+
+# Vibrations and loading cycles: keys of similar designs, answers, and what is refused.
+
+
+ROUGH = replace(QUICK, name="rough", section_size=0.25, section_patch=0.03, harmonics=1)
+LOSSY = replace(paper(), loss_high=2500.0)
+
+
+def run(design, axes, load, kept, quantities=("response",), accuracy=ROUGH):
+    """The flat rows of a sweep."""
+    factors = axes if isinstance(axes, tuple) else grid(axes)
+    plan = Plan(design, factors, load, "rigid", (FemModel("rough", accuracy),), (), quantities)
+    return [row for table in sweep.run(plan, None, kept, processes=Processes(0)) for row in flat_rows(table)]
+
+
+def gain_of(load, motion, at):
+    """The magnet's shift along a motion over the force, over that at 1 Hz, as a complex number, without splines."""
+    shaken = vibrating_sensor(LOSSY, load, (1.0, at), ROUGH).at([1.0, at])
+    k, along = shaken.motions.index(motion), ("x", "z").index(motion)
+    slow, fast = shaken.shift[:, k, along] / shaken.force[:, k, along]
+    return fast / abs(slow) * np.sign(slow.real)
+
+
+def test_gain_and_phase_are_those_of_the_vibration():
+    with temporary() as kept:
+        first, _, last = run(
+            LOSSY, {"frequency": [600.0, 800.0, 1450.0]}, {"depth": 0.5}, kept, ("force", "response")
+        )
+        assert kept.counts() == (2, 2), "one static path, and one vibration for all frequencies"
+    for row, frequency in ((first, 600.0), (last, 1450.0)):
+        gain = gain_of(Load(depth=0.5), "z", frequency)
+        assert row["response_gain"] == pytest.approx(abs(gain), rel=2e-4)
+        assert row["response_phase_deg"] == pytest.approx(np.degrees(np.angle(gain)), abs=0.02)
+    assert first["status"] == "ok"
+    # the loss factor of 0.1 makes a resonance of Q = 10
+    assert first["response_Q"] == pytest.approx(10, rel=0.1)
+    assert np.isnan(first["response_bandwidth_Hz"]), "the mesh carries no frequency with a gain 3 dB lower"
+
+
+def test_the_loss_factor_and_the_modulus_at_rest_change_the_vibration():
+    axes = {"loss_factor": [0.1, 0.2], "modulus": ["long-term", "instantaneous"]}
+    with temporary() as kept:
+        rows = run(LOSSY, axes, {"depth": 0.5}, kept)
+    assert [row["response_Q"] > 7 for row in rows] == [True, True, False, False]
+    assert rows[1]["response_resonance_Hz"] < rows[0]["response_resonance_Hz"]
+    # the larger loss factor stiffens the silicone by half between 1 Hz and the resonance
+    assert 10 < rows[2]["response_bandwidth_Hz"] < 200
+
+
+@pytest.mark.parametrize(
+    ("load", "frequency", "part"),
+    [
+        (Load(depth=0.5), 5000.0, "known from 1 to"),
+        (Load(depth=0.5), 0.5, "got 0.5 Hz: take 1 Hz or more"),
+        (Load(depth=0.5, plate_tilt=0.1), None, "needs an upright plate"),
+        (Load(depth=0.5, friction=0.3), None, "needs an upright plate"),
+    ],
+)
+def test_what_cannot_vibrate_is_refused(load, frequency, part):
+    with pytest.raises(BadInput, match=part):
+        place(Scene(Design(), (load,), ROUGH, "rigid"), "response", PlateMotion(frequency))
+
+
+def test_a_shear_in_any_direction_is_solved_along_x():
+    one, other = (
+        place(Scene(paper(), (Load(0.5, x, y, friction="stick"),), ROUGH, "rigid"), "response")
+        for x, y in ((0.5, 0.0), (0.3, -0.4))
+    )
+    assert one.content == other.content
+
+
+# Cycles
+
+BRANCHES = replace(paper(), prony="0.1:0.05 0.1:0.5 0:1e-3 0:1e3", modulus="instantaneous")
+
+
+def content_of(design, load, motion):
+    """What the answer to a cycle depends on."""
+    return place(Scene(design, (load,), QUICK, "rigid"), "cycle", motion).content
+
+
+def test_similar_designs_with_the_same_product_of_time_and_rate_share_a_cycle():
+    load = Load(0.5, 0.3, 0.4, friction="stick")
+    slow = replace(BRANCHES, prony="0.1:0.5 0.1:5 0:1e-3 0:1e3")
+    assert content_of(BRANCHES, load, PlateMotion(speed=1.0)) == content_of(slow, load, PlateMotion(speed=0.1))
+    stiff = replace(BRANCHES, E=3.0, density=900.0)
+    assert content_of(BRANCHES, load, PlateMotion(2.0)) == content_of(stiff, load, PlateMotion(2.0))
+    assert content_of(BRANCHES, load, PlateMotion(2.0)) != content_of(slow, load, PlateMotion(2.0))
+    assert content_of(BRANCHES, load, PlateMotion(2.0)) != content_of(BRANCHES, load, PlateMotion(None, 2.0))
+    relaxed = replace(BRANCHES, modulus="long-term")
+    assert content_of(BRANCHES, load, PlateMotion(2.0)) != content_of(relaxed, load, PlateMotion(2.0))
+
+
+def test_a_sweep_has_the_loops_of_a_cycle():
+    """The sine's gap is near that of a linear spring, and E scales forces and areas; one path serves both."""
+    with temporary() as kept:
+        soft, hard = run(
+            BRANCHES, {"E": [1.0, 3.0]}, {"depth": 0.5, "frequency": 2.0}, kept, ("force", "cycle"), QUICK
+        )
+        assert kept.counts() == (2, 2), "the static path and the cycles"
+    linear = 100 * loop(relaxation_of(BRANCHES), 2.0, "sine").hysteresis
+    assert PHYSICS["cycle"] == 3, "write the answer of the new version here"
+    assert soft["loop_gap_percent"] == pytest.approx(linear, rel=0.3)
+    assert soft["frequency_Hz"] == 2.0
+    assert 0.8 * soft["fem_force_N"] < soft["loop_largest_force_N"] < soft["fem_force_N"]
+    for name in ("loop_area_mJ", "loop_largest_force_N"):
+        assert hard[name] == pytest.approx(3 * soft[name], rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("load", "motion", "part"),
+    [
+        (Load(depth=0.5), PlateMotion(), "needs a rate"),
+        (Load(depth=0.5), PlateMotion(frequency=1e6), "speak for"),
+        (Load(depth=0.5, plate_tilt=0.1), PlateMotion(1.0), "upright plate"),
+        (Load(shear_x=0.5, grip=1.0), PlateMotion(1.0), "upright plate"),
+    ],
+)
+def test_what_makes_no_cycle_is_refused(load, motion, part):
+    with pytest.raises(BadInput, match=part):
+        content_of(BRANCHES, load, motion)

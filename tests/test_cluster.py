@@ -71,11 +71,6 @@ def address(shared):
     return shared.address
 
 
-def test_tasks_are_finished(address):
-    results = finished([4.0, 1.0, 9.0], math.sqrt, workers=0, scheduler=address)
-    assert sorted((each.task, each.answer) for each in results) == [(1.0, 1.0), (4.0, 2.0), (9.0, 3.0)]
-
-
 def test_an_exception_in_a_task_ends_the_run_with_the_traceback_of_the_worker(address):
     with pytest.raises(ValueError, match="a bug") as caught:
         list(finished(["bug"], worker_tasks.raises, workers=0, scheduler=address))
@@ -89,11 +84,6 @@ def test_a_task_that_kills_its_worker_costs_no_other_task_a_try(address, tmp_pat
     assert tries == ["x", "x", "xx", "x", "x", "xx", "x", "x", "x", "x"]
     assert [results[task].answer for task in tasks] == [None if kind == "kill" else "ok" for _, kind in tasks]
     assert results[tasks[2]].reason == "its worker process ended with signal 9 twice (out of memory?)"
-
-
-def test_an_exit_in_a_task_ends_the_run(address):
-    with pytest.raises(SystemExit):
-        list(finished(["exit"], worker_tasks.raises, workers=0, scheduler=address))
 
 
 def test_closing_the_generator_ends_the_tasks_on_the_cluster(address, tmp_path):

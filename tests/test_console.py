@@ -1,31 +1,16 @@
 """Tables on standard output: nothing is cut, nothing is longer than a line, and what is left out is named."""
 
 import csv
-import time
 from functools import cache
 from pathlib import Path
 
 import pytest
 
 from studies.output import console, text_tables
-from studies.output.result import Destination, Result, show
-from studies.simulation import load_cases
-from studies.sweeps import sweep
 
 RESULTS = Path(__file__).parents[1] / "results"
 TABLES = sorted(str(path.relative_to(RESULTS)) for path in RESULTS.rglob("*.csv"))
 """Rows that verbs have printed, of all kinds."""
-
-STATE = {
-    "status": "ok",
-    "message": "",
-    "model": "half",
-    "depth_mm": 1.0,
-    "shear_mm": 0.5,
-    "force_N": [0.2731, 0, -4.149],
-}
-STATE |= {"shift_mm": [0.2055, 0.0, -0.3057], "tilt_rad": 0.04169, "contact_radius_mm": 2.062, "error_estimate": 2e-3}
-STATE |= {"shift_error_estimate": 2e-3, "tilt_error_estimate": 2e-3, "dofs": 1234, "seconds": 0.5}
 
 
 @cache
@@ -113,94 +98,9 @@ def test_needed_columns_are_never_left_out(capsys, monkeypatch):
     ]
 
 
-def test_a_pipe_takes_all_columns(capsys, monkeypatch):
-    monkeypatch.delenv("COLUMNS", raising=False)
-    rows = [{f"a_rather_long_name_{k}": "x" * 30 for k in range(20)}] * 2
-    console.report(rows, as_json=False)
-    lines = capsys.readouterr().out.splitlines()
-    assert (len(lines[-2]), len(lines)) == (20 * 32 - 2, 5)
-
-
-@pytest.mark.parametrize("columns", [20, 40, 80])
-def test_rows_one_by_one_keep_to_the_terminal(columns, capsys, monkeypatch):
-    monkeypatch.setenv("COLUMNS", str(columns))
-    longer = STATE | {"force_N": [-0.00012345678, -1.5e-9, 12345.678], "status": "not_converged", "stop": "x"}
-    keys = [key for key in STATE if key not in ("message", "model", "dofs")]
-    records = console.stream(
-        iter([STATE, STATE, longer]), as_json=False, title="States", keys=keys, count=3, first=load_cases.FIRST
-    )
-    out = capsys.readouterr().out
-    assert records == [STATE, STATE, longer]
-    assert max(map(len, out.splitlines())) <= columns
-    whole = " ".join(out.split())
-    assert whole.count("-0.0001235, -1.5e-09, 1.235e+04") == 1
-    assert whole.count("0.2731, 0, -4.149") == 2
-    assert "Left out: model, dofs, stop; --wide" in whole
-
-
-def test_a_sweep_shows_what_varies(capsys, monkeypatch):
-    monkeypatch.setenv("COLUMNS", "60")
-    rows = [{"D_mm": 8.0, "L_mm": 9.0, "f_mm": 5.0, "E_MPa": e, "depth_mm": 1.0} for e in (0.5, 1.0)]
-    answers = {"fem_force_N": 1.0, "analytic_force_N": 2.0, "fem_shift_z_mm": 3.0, "force_error_percent": 4.0}
-    for row in rows:
-        row |= answers | {"fem_contact_radius_mm": 5.0, "status": "ok", "message": ""}
-    found = Result(title="Sweep", records=[], shown=[sweep.table(rows, "Sweep")])
-    show(found, Destination())
-    head = capsys.readouterr().out.split("─")[0]
-    assert "(MPa)" in head
-    assert "contact" not in head
-    show(found, Destination(wide=True))
-    assert "contact" in capsys.readouterr().out.split("─")[0]
-
-
-def test_remarks_name_what_varies_in_the_whole_table():
-    rows = [{"D_mm": d, "E_MPa": e, "depth_mm": 1.0} for d in (8.0, 100.0) for e in (0.5, 1.0)]
-    for row in rows[2:]:
-        row["message"] = "too wide"
-    keys = ("D_mm", "E_MPa", "depth_mm")
-    assert console.remarks(rows[2:], keys, rows) == ["D 100 mm, E 0.5 MPa; D 100 mm, E 1 MPa: too wide"]
-
-
-def test_a_long_table_is_quick(capsys, monkeypatch):
-    monkeypatch.setenv("COLUMNS", "80")
-    rows = [{f"value_{k}_mm": 0.1 * k * n for k in range(12)} for n in range(4000)]
-    begin = time.process_time()
-    console.report(rows, as_json=False)
-    # a fifth of this; a library that measures every cell again and again takes ten times as long
-    assert time.process_time() - begin < 4
-    assert len(capsys.readouterr().out.splitlines()) > 4000
-
-
 def test_control_characters_do_not_break_a_table(capsys):
     console.report([{"file": "a\nb\x1b[2J", "n": 1}] * 2, as_json=False)
     assert "a?b?[2J" in capsys.readouterr().out
-
-
-def test_texts_in_a_table_of_texts(capsys, monkeypatch):
-    words = "as many words as there are in a sentence that is longer than a line"
-    for columns in (16, 40, 80):
-        monkeypatch.setenv("COLUMNS", str(columns))
-        console.table("T", ["name", "meaning"], [["D", words], ["L", "short"]])
-        out = capsys.readouterr().out
-        assert max(map(len, out.splitlines())) <= columns
-        assert " ".join(words.split()) in " ".join(out.replace("D", "").split())
-
-
-@pytest.mark.parametrize(
-    ("tokens", "said"),
-    [
-        (("fit", "t.csv"), "fits of all laws"),
-        (("modes", "paper", "--accuracy", "quick"), "modes of the free sensor"),
-        (("decode", "paper", "--file", "r.csv", "--out", "d.csv"), "poses of 600 rows"),
-    ],
-)
-def test_what_takes_seconds_is_said_before(run, tmp_path, tokens, said):
-    rows = [f"{1 + 0.1 * k},{0.1 * k}" for k in range(8)]
-    (tmp_path / "t.csv").write_text("\n".join(["stretch,nominal_stress_MPa", *rows]))
-    (tmp_path / "r.csv").write_text("S1_V,S2_V,S3_V\n" + "3.05,2.97,2.92\n" * 600)
-    status, _, err = run(*tokens)
-    assert status == 0
-    assert said in err
 
 
 def test_the_shown_progress_never_falls(capsys):

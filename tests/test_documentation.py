@@ -58,19 +58,6 @@ def test_map_names_modules_that_exist(package):
     assert [stem for key, names in shown.items() for stem in names if stem not in there.get(key, ())] == []
 
 
-def test_map_of_the_studies_names_each_folder():
-    text = (ROOT / "studies" / "README.md").read_text("utf-8").partition("\n## Map\n")[2].partition("\n## ")[0]
-    folders = {path.parent.name for path in (ROOT / "studies").glob("*/__init__.py")}
-    assert folders <= set(re.findall(r"^\| \[([\w.]+)\]", text, flags=re.M))
-
-
-def test_map_is_read_by_package():
-    text = (
-        "# a\n## Map\n### `a`\n| module | |\n|---|---|\n| `b` | x |\n### `a.c`\n| `d` | y |\n## More\n| `e` | z |\n"
-    )
-    assert mapped(text) == {"a": ["b"], "a.c": ["d"]}
-
-
 def slug(heading):
     """The anchor of a heading, as it is made for pages: lower case, dashes for spaces, no other signs."""
     return re.sub(r"[^\w\- ]", "", heading.lower()).strip().replace(" ", "-")
@@ -87,11 +74,6 @@ def test_links_lead_to_files_and_headings(path):
         if anchor:
             headings = re.findall(r"^#+ (.+)$", prose(goal), flags=re.M)
             assert anchor in map(slug, headings), target
-
-
-def test_files_of_the_wheel_do_not_leave_it():
-    """The wheel shows the README of the root: its links are relative, as are those of all documents."""
-    assert all(not target.startswith("/") for path in DOCUMENTS for target in LINK.findall(prose(path)))
 
 
 def defined(path):
@@ -155,30 +137,10 @@ def test_a_module_that_only_speaks_of_an_equation_is_not_where_it_runs():
     assert misplaced("critical loads: Euler", "analytic.press_terms", []) == ["Euler"]
 
 
-def test_moved_paths_are_right():
-    """The changelog's table: the new path is there, a module of the old one is not."""
-    rows = re.findall(r"^\| `([\w.]+)` \| `([\w.]+)` \|$", (ROOT / "CHANGELOG.md").read_text("utf-8"), flags=re.M)
-    assert len(rows) > 50
-    assert not [new for _, new in rows if not resolves(new)]
-    assert not [old for old, _ in rows if ROOT.joinpath(*old.split(".")).with_suffix(".py").exists()]
-
-
 def test_every_verb_has_a_row():
     text = (ROOT / "studies" / "README.md").read_text("utf-8")
     verbs = {verb for verb in commands.app if not verb.startswith("-")}
     assert verbs == set(re.findall(r"\| `magtip (\w+)[^|]*` \|$", text, flags=re.M))
-
-
-def test_counts_of_the_readme_are_those_of_the_results():
-    """Each `N of M` stands in the page of results that its row links."""
-    rows = re.findall(r"(\d+ of \d+) .*?\]\((results/\S+\.md)\)", (ROOT / "README.md").read_text("utf-8"))
-    assert len(rows) == 2
-    for count, page in rows:
-        assert re.search(rf"^{count} ", (ROOT / page).read_text("utf-8"), flags=re.M), page
-
-
-def test_readme_of_the_root_is_short():
-    assert len((ROOT / "README.md").read_text("utf-8").splitlines()) <= 120
 
 
 def test_one_version():

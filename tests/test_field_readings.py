@@ -1,16 +1,20 @@
-"""The verb readings at a pose and in the states of a file, and the export to magpylib."""
+"""The verbs readings, field and table: values of the field's functions, files, interruptions and bad input."""
 
+import csv
 import json
+from dataclasses import replace
 
+import numpy as np
 import pytest
-from numpy.testing import assert_allclose
+from numpy.testing import assert_allclose, assert_array_equal
 
-from analytic import hall
+from analytic import hall, lookup
 from geometry import design_digest
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load, Response
 from studies.inputs import table_input
-from studies.sensing import field_readings
+from studies.output import own_files
+from studies.sensing import field_readings, lookup_table
 from studies.simulation import state_rows
 
 
@@ -36,15 +40,6 @@ def test_readings_as_json(run, strict):
     assert record["readings_V"] == list(expected.V)
     assert record["elements"] == ["S1", "S2", "S3"]
     assert record["saturated"] == [False] * 3
-
-
-def test_readings_say_what_is_wrong(run, strict):
-    status, out, err = run("readings", "paper", "--shift", "3,0,-2", "--set", "hall_high=3", "--json")
-    (record,) = strict(out)
-    assert status == 0
-    assert any("S2 is saturated" in text for text in record["warnings"])
-    assert any("extends over S2" in text for text in record["warnings"])
-    assert err.count("warning") == len(record["warnings"])
 
 
 def test_readings_of_a_chip_and_of_noise(run, strict):
@@ -74,13 +69,6 @@ def test_magpylib_agrees_on_readings(layout, north):
     with pytest.raises(BadInput, match="no magnet"):
         field_readings.to_magpylib(Design(magnet_diameter=0, magnet_height=0))
     assert_allclose(exported.sensors[0].position, [0, 0, -2.2e-3], atol=1e-15)
-
-
-def test_what_runs_into_a_chip_is_said_once(run, strict):
-    tokens = ("--set", "hall_layout=tmag5273a1", "--set", "chip_x=3", "--set", "l0=4", "--json")
-    (record,) = strict(run("readings", "paper", *tokens)[1])
-    (warning,) = record["warnings"]
-    assert warning == "the beam's wall overlaps chip -z by about 1 mm: raise l0 or chip_x"
 
 
 LABEL = design_digest.label(design_digest.of_mechanics(paper()))
@@ -140,11 +128,6 @@ def test_a_state_without_a_pose_keeps_its_row(run, strict, tmp_path):
     assert "not_converged" in out
 
 
-def test_warnings_name_their_states(run, tmp_path):
-    _, _, err = run(*write(tmp_path, STATE, STATE | {"depth_mm": 2.0}), "--set", "hall_high=2.6")
-    assert "magtip: warning: depth 1, 2 mm: S1 is saturated" in err
-
-
 @pytest.mark.parametrize(
     ("tokens", "words"),
     [
@@ -167,44 +150,6 @@ def test_a_file_without_states_and_a_pose_without_a_field_are_sentences(run, tmp
     assert (status, out, "states.jsonl, line 1: " in err) == (2, "", True)
 
 
-def test_a_seed_for_elements_without_noise_is_in_vain(run):
-    assert run("readings", "paper", "--seed", 1, "--json")[2] == (
-        "magtip: warning: --seed has no effect: hall_noise is 0\n"
-    )
-    assert run("readings", "paper", "--seed", 1, "--set", "hall_noise=0.01", "--json")[2] == ""
-    assert Design(hall_layout="tmag5273a1").unused_field_warnings() == []
-
-
-def solved_by_formulas(run, folder):
-    lines = [
-        run("analytic", "paper", "--level", "finite", "--depth", depth, "--shear", shear, "--json")[1]
-        for depth in (0.3, 0.6, 0.9, 1.2)
-        for shear in (0.0, 0.5, 1.0)
-    ]
-    (folder / "states.jsonl").write_text("".join(lines))
-
-
-def test_states_have_the_resolution_that_the_decoder_states(run, strict, tmp_path):
-    solved_by_formulas(run, tmp_path)
-    design = ("paper", "--responses", "states.jsonl", "--set", "hall_noise=0.001", "--set", "hall_average=4")
-    rows = strict(run("readings", *design, "--json")[1])
-    for row in (rows[3], rows[7]):
-        volts = ",".join(map(str, row["readings_V"]))
-        (decoded,) = strict(run("decode", *design, "--readings", volts, "--json")[1])
-        assert_allclose(row["resolution_N"], decoded["noise_N"], rtol=1e-4)
-        # the decoder's force is that of the fitted polynomials
-        assert_allclose(row["resolution_N_per_N"], decoded["noise_N_per_N"], rtol=2e-3)
-    assert "resolution" in run("readings", *design)[1]
-
-
-def test_states_that_do_not_determine_the_mechanics_have_no_resolution(run, strict, tmp_path):
-    (row,) = strict(run(*write(tmp_path, STATE), "--set", "hall_noise=0.001", "--json")[1])
-    assert row["resolution_N"] is None
-    solved_by_formulas(run, tmp_path)
-    rows = strict(run("readings", "paper", "--responses", "states.jsonl", "--json")[1])
-    assert {row["resolution_N"] for row in rows} == {None}
-
-
 @pytest.mark.parametrize(
     "load",
     [
@@ -221,3 +166,174 @@ def test_a_load_comes_back_from_a_file_as_it_was(tmp_path, load):
     file.write_text(json.dumps(row | LABEL))
     (state,) = table_input.read_states(file, paper())
     assert state.load == load
+
+
+# The verb field
+
+
+POINTS = "x_mm,y_mm,z_mm\n0,0,-2.2\n5, 0,-0.2\n\n0.1,0.2,5\n"
+
+
+def table(text):
+    return list(csv.DictReader(text.splitlines()))
+
+
+def test_field_is_added_at_full_precision(run, tmp_path):
+    (tmp_path / "p.csv").write_text(POINTS)
+    status, out, err = run("field", "paper", "--points", "p.csv", "--shift", "0.5,0,-1", "--tilt", "0,0.1")
+    assert (status, err) == (0, "")
+    found = [[float(row[k]) for k in ("Bx_T", "By_T", "Bz_T")] for row in table(out)]
+    expected = hall.field_at([[0, 0, -2.2], [5, 0, -0.2], [0.1, 0.2, 5]], paper(), (0.5, 0, -1), (0, 0.1))
+    assert found == (expected + 0.0).tolist()
+    assert run("field", "paper", "--points", "p.csv", "--shift=.5,0,-1", "--tilt=0,.1", "--out", "b.csv")[:2] == (
+        0,
+        "",
+    )
+    assert (tmp_path / "b.csv").read_text() == out
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("x_mm,z_mm\n1,2\n", "column y_mm is missing"),
+        ("x_mm,z_mm,y_mm\n1,2,3\n", "in the order"),
+        ("x_mm,y_mm,z_mm,Bx_T\n1,2,3,4\n", "Bx_T exists already"),
+        ("x_mm,y_mm,z_mm\n1,2,3\n1,two,3\n", "line 3: y_mm must be a finite number"),
+        ("x_mm,y_mm,z_mm\n1,2\n", "line 2: 2 values for 3 columns"),
+        ("x_mm,y_mm,z_mm\n2,0,6\n", "infinite on the magnet's rim"),
+        ('x_mm,y_mm,z_mm\n"1,2,3\n', "line 2 is not CSV"),
+        ("x_mm;y_mm;z_mm\n1,5;2;3\n", "line 1: semicolons separate its columns: save it with commas"),
+        ('x_mm,y_mm,z_mm\n"1,5",2,3\n', "got '1,5': write a point, no comma"),
+        ("x_mm,y_mm,z_mm\n1,5,2,0,3,0\n", "6 values for 3 columns: write a point"),
+    ],
+)
+def test_bad_tables_are_a_sentence(refusal, tmp_path, text, words):
+    (tmp_path / "p.csv").write_text(text)
+    assert words in refusal("field", "paper", "--points", "p.csv")
+
+
+@pytest.mark.parametrize(
+    "tokens",
+    [
+        ("field", "paper", "--points", "p.csv", "--out", "b.txt"),
+        ("field", "paper", "--points", "p.csv", "--shift", "1,2"),
+        ("field", "paper", "--points", "p.csv", "--tilt", "1,2,nan"),
+        ("field", "paper", "--points", "p.csv", "--set", "magnet_diameter=0", "--set", "magnet_height=0"),
+        ("field", "paper", "--points", "p.csv", "--level", "paper", "--shift", "0,0,-7.2"),
+    ],
+)
+def test_bad_options_are_a_sentence_of_field_tables(refusal, tmp_path, tokens):
+    (tmp_path / "p.csv").write_text(POINTS)
+    refusal(*tokens)
+
+
+# The verb table
+
+
+def test_entries_are_the_readings(run, strict, tmp_path):
+    status, out, _ = run("table", "paper", "--step", 0.5, "--out", "t.npy", "--json")
+    assert status == 0
+    assert strict(out)[0]["poses"] == 13 * 13 * 7
+    table, about = np.load(tmp_path / "t.npy", mmap_mode="r"), json.loads((tmp_path / "t.json").read_text())
+    assert list(table.shape) == about["shape"] == [13, 13, 7, 3]
+    axes = [[axis["first"] + k * axis["step"] for k in range(axis["count"])] for axis in about["axes"][:3]]
+    for i, j, k in ((0, 0, 0), (6, 6, 0), (2, 11, 5), (12, 12, 6)):
+        shift = (axes[0][i], axes[1][j], axes[2][k])
+        assert_allclose(table[i, j, k], hall.readings(paper(), shift=shift).B_T, rtol=1e-12)
+    assert [file.name for file in tmp_path.glob(".*")] == [own_files.LIST]
+
+
+def test_the_plane_holds_every_reading(run, tmp_path):
+    assert run("table", "paper", "--step", 0.1, "--plane", "--out", "p.npy")[0] == 0
+    table, about = np.load(tmp_path / "p.npy"), json.loads((tmp_path / "p.json").read_text())
+    rho, height = about["axes"][:2]
+    # the magnet at (-1, 0, -2): S2, at (5, 0) and 5.2 mm below its rest, is 6 mm aside and 3.2 mm below it
+    i, j = round(6 / rho["step"]), round((-3.2 - height["first"]) / height["step"])
+    expected = hall.field_at([[5, 0, -0.2]], paper(), (-1, 0, -2))[0]
+    assert_allclose(table[i, j], expected[[0, 2]], rtol=1e-10)
+    corner = np.hypot(8, 3)
+    assert rho["step"] * (rho["count"] - 1) >= corner
+
+
+def test_an_interrupted_table_goes_on(run, strict, tmp_path, monkeypatch):
+    command = ("table", "paper", "--step", 0.25, "--json", "--out")
+    assert run(*command, "whole.npy")[0] == 0
+    slab = lookup.slab
+
+    def stop(model, grid, i):
+        if i == 19:
+            raise KeyboardInterrupt
+        return slab(model, grid, i)
+
+    monkeypatch.setattr(lookup, "slab", stop)
+    status, out, err = run(*command, "t.npy")
+    assert (status, out) == (130, "")
+    size = (tmp_path / ".t.npy.part").stat().st_size / 1e6
+    assert err.splitlines()[-1] == (
+        f"magtip: interrupted; 16 of 25 slabs are kept in '.t.npy.part' ({size:.3g} MB); "
+        "the same command continues from there"
+    )
+    assert not (tmp_path / "t.npy").exists()
+    monkeypatch.setattr(lookup, "slab", slab)
+    status, out, _ = run(*command, "t.npy")
+    assert (status, strict(out)[0]["resumed"]) == (0, 16)
+    assert (tmp_path / "t.npy").read_bytes() == (tmp_path / "whole.npy").read_bytes()
+    assert [file.name for file in tmp_path.glob(".*")] == [own_files.LIST]
+
+
+@pytest.mark.parametrize("plane", [(), ("--plane",)])
+@pytest.mark.parametrize("name", ["t.npy", "t.json"])
+def test_a_foreign_file_is_not_replaced(refusal, tmp_path, plane, name):
+    np.save(tmp_path / "mine.npy", np.arange(3.0))
+    (tmp_path / "mine.npy").rename(tmp_path / name)
+    before = (tmp_path / name).read_bytes()
+    assert f"{name!r} was not written by magtip and would be overwritten: choose another name" in refusal(
+        "table", "paper", "--step", 1, "--out", "t.npy", *plane
+    )
+    assert [(file.name, file.read_bytes()) for file in tmp_path.glob("[!.]*")] == [(name, before)]
+
+
+def test_a_table_is_read_back_for_its_own_sensor_only(run, tmp_path, capsys):
+    assert run("table", "paper", "--step", 1, "--out", "t.npy")[0] == 0
+    table, about = lookup_table.read(tmp_path / "t.npy", replace(paper(), E=2.0, hall_noise=0.1))
+    assert table.shape == tuple(about["shape"])
+    assert capsys.readouterr().err == ""
+    # tables of versions without this field are those of a magnet whose north pole points down
+    assert "magnet_north" not in about["made_for"]
+    with pytest.raises(BadInput, match="with magnet_north down where this design has magnet_north up"):
+        lookup_table.read(tmp_path / "t.npy", replace(paper(), magnet_north="up"))
+    with pytest.raises(
+        BadInput, match=r"with remanence 1\.2 T, f 5 mm where this design has remanence 1\.1 T, f 6 mm"
+    ):
+        lookup_table.read(tmp_path / "t.npy", replace(paper(), remanence=1.1, f=6.0))
+    kept = {key: value for key, value in about.items() if key not in ("digest", "made_for")}
+    (tmp_path / "t.json").write_text(json.dumps(kept))
+    lookup_table.read(tmp_path / "t.npy", paper())
+    assert "does not say for which sensor" in capsys.readouterr().err
+    (tmp_path / "t.json").write_text("{}")
+    with pytest.raises(BadInput, match="is not a table"):
+        lookup_table.read(tmp_path / "t.npy", paper())
+
+
+@pytest.mark.parametrize("plane", [(), ("--plane",)])
+def test_the_table_of_a_reversed_magnet_has_the_opposite_sign(run, tmp_path, plane):
+    for name, sets in (("down", ()), ("up", ("--set", "magnet_north=up"))):
+        assert run("table", "paper", "--step", 1, "--out", f"{name}.npy", *plane, *sets)[0] == 0
+    assert_array_equal(np.load(tmp_path / "up.npy"), -np.load(tmp_path / "down.npy"))
+    lookup_table.read(tmp_path / "up.npy", replace(paper(), magnet_north="up"))
+    with pytest.raises(BadInput, match="with magnet_north up where this design has magnet_north down"):
+        lookup_table.read(tmp_path / "up.npy", paper())
+
+
+@pytest.mark.parametrize(
+    ("tokens", "words"),
+    [
+        (("--out", "t.csv"), "must end in .npy"),
+        (("--out", "t.npy", "--step", 0), "more than 0"),
+        (("--out", "t.npy", "--step", 4), "at most"),
+        (("--out", "t.npy", "--step", 1e-4), "disk"),
+        (("--out", "t.npy", "--set", "l0=3"), "S1 lies inside the beam"),
+    ],
+)
+def test_bad_input_is_a_sentence_of_lookup_table(refusal, tokens, words):
+    assert words in refusal("table", "paper", *tokens)

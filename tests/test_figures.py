@@ -5,8 +5,18 @@ import pandas as pd
 import pytest
 from PIL import Image
 
+from fem.accuracy import QUICK
+from geometry.design import paper
+from studies.inputs.study_input import grid
+from studies.mechanics.study_cases import Cases, FemModel, Plan
 from studies.output import figures
-from studies.output.figures import ERROR_EDGES, Guide, Look, heat, plot, spots
+from studies.output.figures import ERROR_EDGES, Look, heat, plot, spots
+from studies.sensitivity import uncertainty_figures
+from studies.simulation import time_figures
+from studies.sizing import sizing_figures
+from studies.sweeps import sweep_figures
+from studies.web import folder_contents, report_sections
+from studies.web.folder_contents import Contents, Table
 
 CURVES = pd.DataFrame(
     {
@@ -66,12 +76,6 @@ def test_many_points_are_thinned_with_a_sentence_and_keep_their_extremes():
     )
 
 
-def test_a_long_line_is_drawn_whole():
-    line = plot("t", "c", pd.DataFrame({"x": np.arange(5000.0), "y": 0.0}), "x", "y")
-    assert line.notes == ()
-    assert layers(line)["point"]["mark"]["opacity"] == 0
-
-
 @pytest.mark.parametrize(
     ("look", "scale"), [(Look(log="y"), "log"), (Look(), None), (Look(span=(-10.0, 10.0)), None)]
 )
@@ -81,35 +85,12 @@ def test_scales(look, scale):
     assert y.get("domain") == (list(look.span) if look.span else None)
 
 
-def test_guides_and_intervals_are_drawn():
-    data = CURVES.assign(low=0.5, high=8.0)
-    figure = plot("t", "c", data, "depth (mm)", "force (N)", Look(line=False, guides=(Guide("y", 1.0, "bound"),)))
-    spec = str(figure.spec())
-    assert "bound" in spec
-    assert "'field': 'high'" in spec
-
-
-def test_names_beside_points_and_guides_stand_inside_the_frame():
-    look = Look(line=False, log="y", guides=(Guide("y", 0.7, "-3 dB"),))
-    named = plot("t", "c", CURVES.assign(label="12"), "depth (mm)", "force (N)", look)
-    scales = [layers(named)["point"]["encoding"][way]["scale"] for way in "xy"]
-    # a name begins 9 pixels beside its point, and has letters of 7; below a guide it ends after 13
-    assert scales[0]["padding"] > 9 + 2 * 7
-    assert scales[1]["padding"] > 13
-
-
 def test_a_map_tells_the_classes_of_errors_apart_and_marks_failed_cases():
     figure = heat("t", "c", ERRORS, ("L/D", "depth/D"), "error (%)", edges=ERROR_EDGES)
     rows = figure.chart.to_dict()["datasets"].popitem()[1]
     assert [row["shade"] for row in rows] == ["below \N{MINUS SIGN}50", "\N{MINUS SIGN}5 to 5", None, "10 to 20"]
     assert list(figure.data) == ["L/D", "depth/D", "error (%)", "failed"]
     assert "datum.failed" in str(figure.spec())
-
-
-def test_a_map_of_few_values_has_them_as_numbers():
-    table = pd.DataFrame({"nu": [0.3, 0.5], "L (mm)": [10, 10], "critical depth (mm)": [1.0, 3.0]})
-    ink = layers(heat("t", "c", table, ("nu", "L (mm)"), "critical depth (mm)"))["text"]["encoding"]["color"]
-    assert "< 2.0" in ink["condition"]["test"]
 
 
 def test_names_with_dots_and_brackets_are_columns():
@@ -145,3 +126,287 @@ def test_a_picture_has_marks_of_the_colours(figure, tmp_path, monkeypatch):
     assert picture.shape[1] > 600
     # neither black, white nor grey
     assert (np.ptp(picture, axis=2) > 60).sum() > 200
+
+
+# Figures of the studies: what they hold of the tables that the verbs write, and what they say.
+
+
+def parse(text):
+    """A table as it is read from a CSV file."""
+    head, *rows = [line.split(",") for line in text.strip().splitlines()]
+    return folder_contents.frame_of({name: [row[k] for row in rows] for k, name in enumerate(head)})
+
+
+def of(figure, **values):
+    """The rows of a figure with these values."""
+    data = figure.data
+    for name, value in values.items():
+        data = data[data[name] == value]
+    return data
+
+
+# comparisons and states
+
+
+# vibrations and loading cycles
+
+RESPONSE = parse("""
+motion,frequency_Hz,force_N_per_mm,S1_V_per_N,S1_per_N_phase_deg,S2_V_per_N,S2_per_N_phase_deg
+z,1,5,0.2,170,,
+z,10,5,0.3,165,,
+z,100,5,0.1,100,,
+x,1,5,0.4,-2,0.1,0
+x,10,5,0.4,-3,0.1,0
+x,100,5,0.2,-90,0.1,0
+""")
+CYCLE = parse("""
+law,time_s,cycle,depth_mm,shear_mm,force_z_N,force_x_N,decoded_force_N
+prony,1,1,0.5,0,1,0,
+prony,2,1,1,0,3,0,
+prony,3,1,0.5,0,0.8,0,
+prony,4,1,0,0,0,0,
+""")
+
+
+def test_gains_are_over_the_lowest_frequency_and_phases_are_those_to_the_force():
+    gain, phase = time_figures.response(RESPONSE)
+    up = of(gain, panel="motion along z")
+    assert up["gain per N over that at 1 Hz"].tolist() == pytest.approx([1.0, 1.5, 0.5])
+    assert set(of(gain, panel="motion along x")["series"]) == {"S1", "S2"}
+    # half a turn is the sign of the reading
+    name = "phase to the force (degrees)"
+    assert of(phase, panel="motion along z")[name].tolist() == [-10.0, -15.0, -80.0]
+    assert of(phase, panel="motion along x", series="S1")[name].tolist() == [-2.0, -3.0, -90.0]
+    assert gain.caption.endswith("S2 reads nothing of a motion along z.")
+
+
+def test_a_folder_of_the_verbs_shows_figures_in_place_of_pictures(tmp_path):
+    tables = {"response.csv": Table("response.csv", RESPONSE), "cycle.csv": Table("cycle.csv", CYCLE)}
+    section = report_sections.section(Contents(tmp_path, "", tables), solve=False)
+    assert len(section.figures) == 4
+    assert section.replaced == {"response_z.png", "response_x.png", "cycle.png"}
+    assert not section.remarks
+
+
+# sizing
+
+FRONT = parse("""
+rank,point,status,D_mm,L_mm,magnet,silicone,hall_part,outer_size_mm,fem_range_z_N,fem_resolution_z_mN,range_z_difference_percent
+1,1,ok,8,9,disc 4 x 2,Dragon Skin 30,SS495A,12,6,4,1.5
+2,2,ok,9,9,disc 5 x 2,,SS495A,14,8,9,-2
+,3,failed,6,9,,,,9,3,2,-6
+""")
+
+
+def test_front_tells_the_best_from_the_removed():
+    resolution, size, differences = sizing_figures.front(FRONT)
+    assert resolution.data["series"].tolist() == [
+        "best variant",
+        "meets all requirements",
+        "removed by finite elements",
+    ]
+    assert resolution.data["label"].tolist() == ["1", "2", ""]
+    assert resolution.data["range z (N)"].tolist() == [6, 8, 3]
+    assert resolution.caption.startswith("2 of 3 variants")
+    assert "D 8 mm, L 9 mm, disc 4 x 2" in resolution.caption
+    assert "outer size (mm)" in size.data
+    assert "range z, -6 %" in differences.caption
+    assert len(differences.data) == 3
+
+
+# sensitivity
+
+
+def test_sobol_indices_have_both_orders_and_their_intervals():
+    head = "output,input,first_order,first_order_low,first_order_high,total_order,total_order_low,total_order_high"
+    rows = ["force_N,E,0.9,0.8,1,0.95,0.9,1", "force_N,nu,0.05,0,0.1,0.1,0.05,0.2", "tilt_rad,E,,,,,,"]
+    (figure,) = uncertainty_figures.sobol(
+        parse("\n".join([head + ",points,failed", *[f"{row},100,3" for row in rows]]))
+    )
+    assert set(figure.data["panel"]) == {"force (N)"}
+    first = of(figure, series="first order")
+    assert first["index (share of the variance)"].tolist() == [0.9, 0.05]
+    assert (first["low"].tolist(), first["high"].tolist()) == ([0.8, 0.0], [1.0, 0.1])
+    assert "force E (0.95)" in figure.caption
+    assert "3 of 100 points failed" in figure.caption
+
+
+def test_failed_sensors_are_never_below():
+    head = "sensor,status,E_MPa,z_sensitivity_V_per_N,z_zeroed_force_error_N,z_recalibrated_force_error_N"
+    rows = ["1,ok,1,0.01,0.1,0.001", "2,ok,1,0.02,0.3,0.002", "3,failed,1,,,", "4,ok,1,0.03,0.2,0.003"]
+    (figure,) = uncertainty_figures.made_sensors(parse("\n".join([head, *rows])))
+    panels = ["sensitivity (V/N)", "force error after zeroing (N)", "force error after recalibration (N)"]
+    assert list(dict.fromkeys(figure.data["panel"])) == panels
+    zeroed = of(figure, panel=panels[1])
+    assert zeroed[uncertainty_figures.VALUE].tolist() == [0.1, 0.2, 0.3]
+    assert zeroed[uncertainty_figures.BELOW].tolist() == [25, 50, 75]
+    assert "1 failed" in figure.caption
+
+
+# studies that judge
+
+
+# the paper
+
+
+# Figures of sweeps over grids and samples: which rows and quantities, and which notes.
+
+
+def table(axes, **results):
+    """A sweep over a grid: results are functions of the axes."""
+    grid = np.meshgrid(*axes.values(), indexing="ij")
+    points = {name: values.ravel() for name, values in zip(axes, grid, strict=True)}
+    columns = points | {name: np.asarray(rule(*points.values()), dtype=float) for name, rule in results.items()}
+    return pd.DataFrame(columns).assign(status="ok")
+
+
+AXES = {"D_mm": [6.0, 8.0], "L_mm": [9.0, 12.0, 18.0], "depth_mm": [0.5, 1.0]}
+
+
+def view_of(whole, columns=("fem_force_N",)):
+    whole = whole.assign(failed=whole["status"] != "ok")
+    return sweep_figures.view(whole, sweep_figures.axes_of(whole), columns)
+
+
+@pytest.mark.parametrize(("counts", "maps"), [((6, 7), False), ((7, 7), True), ((3, 40), False)])
+def test_lines_up_to_six_values_and_maps_beyond(counts, maps):
+    axes = {"D_mm": np.linspace(6, 8, counts[0]), "L_mm": np.linspace(9, 20, counts[1])}
+    whole = table(axes, fem_force_N=lambda D, L: D / L)
+    assert view_of(whole).maps == maps
+    (figure,) = sweep_figures.sweep(whole)
+    assert len(figure.data) == counts[0] * counts[1]
+
+
+def test_lines_hold_every_number_of_the_table():
+    whole = table(AXES, fem_force_N=lambda D, L, d: D * d / L, analytic_force_N=lambda D, L, d: D * d)
+    (figure,) = sweep_figures.sweep(whole)
+    assert list(dict.fromkeys(figure.data["panel"])) == ["D = 6 mm", "D = 8 mm"]
+    assert set(figure.data["series"]) == {"L = 9 mm", "L = 12 mm", "L = 18 mm"}
+    assert set(figure.data["model"]) == {"finite elements", "the paper's formula"}
+    expected = [*whole["fem_force_N"], *whole["analytic_force_N"]]
+    np.testing.assert_allclose(sorted(figure.data["press force (N)"]), sorted(expected))
+
+
+def test_map_of_errors_has_each_error_in_its_cell():
+    axes = {"L_mm": np.linspace(9, 12, 8), "depth_mm": np.linspace(0.5, 1.0, 7)}
+    whole = table(axes, fem_force_N=lambda L, d: L * d, force_error_percent=lambda L, d: L + d - 2)
+    value, error = sweep_figures.sweep(whole)
+    assert value.title == "Press force over depth"
+    assert error.title == "Error of the press force, the formula"
+    off = error.data["L (mm)"] + error.data["depth (mm)"] - 2 - error.data["error (%)"]
+    np.testing.assert_allclose(off, 0, atol=1e-9)
+    within = 100 * (whole["force_error_percent"] <= 10).mean()
+    assert f"{within:.0f} % of the cases are within 10 %" in error.caption
+
+
+def test_failed_cases_are_counted_with_their_cause_and_marked():
+    whole = table(AXES, fem_force_N=lambda D, L, d: D * d / L).assign(message="")
+    whole.loc[0, ["status", "message"]] = ["bad_input", "the magnet does not fit; take a smaller one"]
+    (figure,) = sweep_figures.sweep(whole)
+    assert figure.data["failed"].sum() == 1
+    assert figure.notes == (
+        "1 of 12 cases failed (bad_input); most often: the magnet does not fit; take a smaller one.",
+    )
+
+
+def test_errors_far_beyond_the_others_stand_at_the_edge_with_a_note():
+    errors = [*np.linspace(-20, 20, 40), 5000.0]
+    axes = {"depth_mm": np.linspace(0.1, 2, 41)}
+    whole = table(axes, fem_force_N=lambda d: d, force_error_percent=lambda d: errors)
+    _, error = sweep_figures.sweep(whole)
+    assert "1 error stands at the edge: 5000 %." in error.notes
+    assert error.data["error (%)"].max() == 5000
+    y = error.chart.to_dict()["layer"][-1]["encoding"]["y"]["scale"]
+    assert y["domain"][1] < 30
+    assert y["clamp"]
+
+
+def test_sampled_points_are_shown_over_each_axis():
+    rng = np.random.default_rng(0)
+    D, L = rng.uniform(5, 10, 40), rng.uniform(10, 20, 40)
+    columns = {"D_mm": D, "L_mm": L, "fem_force_N": D / L, "force_error_percent": 10 * D - 50, "status": "ok"}
+    value, error, spots = sweep_figures.sweep(pd.DataFrame(columns))
+    assert set(value.data["panel"]) == {"D (mm)", "L (mm)"}
+    # the axis with the greatest effect comes first
+    assert next(iter(error.data["panel"])) == "D (mm)"
+    assert len(value.data) == 80
+    assert list(spots.data)[:2] == ["D (mm)", "L (mm)"]
+
+
+def test_axes_that_vary_together_are_one_axis_with_a_note():
+    whole = table({"D_mm": [8.0, 9.0, 10.0]}, fem_force_N=lambda D: D)
+    whole.insert(1, "L_mm", [9.0, 11.0, 11.0])
+    (figure,) = sweep_figures.sweep(whole)
+    assert list(figure.data) == ["D (mm)", "press force (N)", "series"]
+    assert figure.notes == ("L varies together with D.",)
+
+
+# What the pictures of a sweep show: which rows, which quantities, which note.
+
+
+def plan_of(factors, load=None, quantities=("force",)):
+    return Plan(paper(), factors, load or {}, "rigid", (FemModel("quick", QUICK),), ("paper",), quantities)
+
+
+def table_of(plan):
+    """A table of all cases with made-up results."""
+    batch = Cases(plan).batch(np.arange(plan.count))
+    n = len(batch)
+    units = {"D": "D_mm", "L": "L_mm", "depth": "depth_mm", "shear": "shear_mm"}
+    table = {units[name]: values for name, values in batch.axes.items()}
+    for name in ("force_N", "force_x_N", "shift_z_mm", "tilt_rad"):
+        table |= {f"fem_{name}": np.arange(1.0, n + 1), f"analytic_{name}": np.arange(2.0, n + 2)}
+        error = name.removesuffix("_N").removesuffix("_mm").removesuffix("_rad").removesuffix("_z")
+        table[f"{error}_error_percent"] = np.linspace(-20, 20, n)
+    full = np.full(n, None, dtype=object)
+    return table | {"status": np.full(n, "ok", dtype=object), "message": full}
+
+
+@pytest.fixture
+def drawn(monkeypatch):
+    """Figures and notes of each picture by its name."""
+    calls = {}
+    monkeypatch.setattr(figures, "save", lambda path, drawn, notes: calls.update({path.name: (drawn, notes)}))
+    return calls
+
+
+def collected(plan):
+    pictures = sweep_figures.Collected(plan)
+    table = table_of(plan)
+    # in two batches, the second one short
+    cut = plan.count - 1
+    for rows in (slice(0, cut), slice(cut, None)):
+        pictures.add({name: values[rows] for name, values in table.items()}, np.arange(plan.count)[rows])
+    return pictures
+
+
+def test_a_huge_study_is_thinned_with_a_note(drawn, monkeypatch, tmp_path):
+    monkeypatch.setattr(sweep_figures, "MOST_DRAWN", 12)
+    axes = {"D": [6.0, 8.0], "depth": [0.1 * k for k in range(1, 12)]}
+    collected(plan_of(grid(axes))).draw(tmp_path / "sweep.png")
+    (force, *_), notes = drawn["sweep.png"]
+    # both ends stay
+    depths = sorted(set(force.data["depth (mm)"]))
+    assert depths == pytest.approx([0.1, 0.3, 0.5, 0.7, 0.9, 1.1])
+    assert notes == ["Of 11 values of depth, 6 are drawn; the table has all."]
+
+
+def test_a_large_study_shows_one_modulus_and_one_layout(drawn, monkeypatch, tmp_path):
+    """Forces are proportional to E, and do not depend on f."""
+    monkeypatch.setattr(sweep_figures, "LARGE", 20)
+    plan = plan_of(grid({"E": [0.5, 1.0, 2.0], "f": [5.0, 6.0], "D": [7.0, 8.0], "depth": [0.5, 1.0]}))
+    pictures = sweep_figures.Collected(plan)
+    batch = Cases(plan).batch(np.arange(plan.count))
+    axes = {f"{name}_{'MPa' if name == 'E' else 'mm'}": values for name, values in batch.axes.items()}
+    forces = dict.fromkeys(("fem_force_N", "analytic_force_N", "force_error_percent"), batch.E)
+    texts = {name: np.full(plan.count, "ok", dtype=object) for name in ("status", "message")}
+    pictures.add(axes | forces | texts, np.arange(plan.count))
+    pictures.draw(tmp_path / "sweep.png")
+    (force, *_), notes = drawn["sweep.png"]
+    assert len(force.data) == 2 * 4
+    # the modulus that is nearest to that of the base design
+    assert set(force.data["press force (N)"]) == {1.0}
+    assert notes == [
+        "Forces are proportional to E: drawn for E = 1 MPa.",
+        "f has no effect on what is shown.",
+    ]

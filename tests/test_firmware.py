@@ -1,7 +1,6 @@
 """The exported decoder in C: answers of Python, warnings and sanitizers, a Cortex-M4F, sketches, and bad input."""
 
 import ctypes
-import dataclasses
 import json
 import shutil
 import subprocess
@@ -12,7 +11,6 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from analytic.decode import decode, field_of
 from analytic.time_series import RelaxingForce
-from geometry.bad_input import BadInput
 from geometry.design import Design, paper
 from studies.cli import main
 from studies.firmware import decoder_export
@@ -330,7 +328,6 @@ def test_verb(tmp_path, capsys):
     ("arguments", "sentence"),
     [
         (["--flash", "9k"], "--flash 9k is too small: the smallest decoder of this design takes"),
-        (["--flash", "big"], "--flash takes a size such as 64k or 16384 (bytes), at most 1000000; got 'big'"),
         (["--flash", "nan"], "--flash takes a size"),
         (["--set", "magnet_diameter=0", "--set", "magnet_height=0"], "this design has no magnet"),
         (["--level", "none"], "level must be one of"),
@@ -343,16 +340,3 @@ def test_bad_input_is_one_sentence(arguments, sentence, tmp_path, capsys):
     err = capsys.readouterr().err
     assert sentence in err
     assert not (tmp_path / "new").exists()
-
-
-def test_less_flash_costs_accuracy_and_says_so():
-    large, small = (decoder_export.prepare(paper(), None, None, flash) for flash in ("64k", "16k"))
-    assert small.tables.size < large.tables.size / 3
-    assert small.errors[1] > 5 * large.errors[1]
-    for each in (large, small):
-        percent = 100 * each.errors[1] / each.errors[2]
-        assert f"over 4000 poses: {percent:.2g} % of the" in decoder_export.header(each, "magtip firmware")
-    # a table that is too coarse is refused, not written
-    near = dataclasses.replace(paper(), l0=6.0, c=2.5)
-    with pytest.raises(BadInput, match=r"would miss .* % of the largest force"):
-        decoder_export.prepare(near, "paper", None, "20k")

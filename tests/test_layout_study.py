@@ -4,17 +4,14 @@ import csv
 import re
 import shlex
 
-import numpy as np
 import pytest
 
-from analytic import decode, magnet, survey
-from geometry.design import Design, paper
-from studies.inputs.option_groups import Basis
+from analytic import decode, survey
+from geometry.design import paper
 from studies.output import figures
 from studies.sensing import (
     decode_readings,
     layout_metrics,
-    layout_report,
     layout_search,
     layout_uniqueness,
 )
@@ -67,16 +64,6 @@ def test_a_folded_layout_says_what_fails(run, strict, small):
     assert record["alike_apart_mm"] > 1
     assert record["most_alike"] > 1
     assert record["folded"] is (record["noise_worst_um"] is None)
-
-
-def test_stated_noise_is_used_and_named(run, strict, small):
-    (mine,) = strict(run("layout", "paper", "--set", "hall_noise=0.01", "--json")[1])
-    assert mine["noise_source"] == "the design's"
-    assert mine["noise_of_readings_T"] == [pytest.approx(0.01 / 31.25)] * 3
-    (chip,) = strict(run("layout", "paper", "--set", "hall_layout=tmag5273a1", "--json")[1])
-    assert chip["noise_source"] == "the chip's"
-    assert (chip["f_mm"], chip["c_mm"]) == (None, None)
-    assert chip["condition_worst"] < 3
 
 
 def test_the_map_is_a_table_with_units_and_a_picture(run, small, tmp_path):
@@ -165,57 +152,18 @@ def test_least_difference_is_that_of_the_slopes_for_near_poses():
     assert least == pytest.approx(0.001 / seen.noise_mm.max(), rel=0.05)
 
 
-def test_a_taller_magnet_reads_the_same_at_rest():
-    for design in layout_uniqueness._magnets(paper()):
-        b = magnet.cylinder_field(np.array([[0, 0, design.l0]]), 2.0, design.magnet_height, design.remanence)
-        assert b[0, 2] == pytest.approx(0.01184, rel=0.01)
-
-
-def test_a_design_without_a_clear_pose_is_judged(tmp_path):
-    design = Design(l0=5.01, c=0.0, f=2.0)
-    coder, noise = layout_metrics.prepare(design, decode_readings.of_level(design, "paper"), Basis())
-    seen = survey.survey(coder, (5, 5, 4), clearance=50.0)
-    row = layout_metrics.layout_row(coder, seen, noise, "paper")
-    assert row["message"].startswith("no pose")
-    assert row["noise_worst_um"] is None
-    assert "no pose" in layout_report.text(row, None, None, None).lower()
-    for figure in layout_report.maps(coder, seen, 50.0):
-        figure.chart.to_dict()
-    # what is wrong with each place
-    assert set(layout_report.maps(coder, seen, 50.0)[1].data["sign of det J"]) <= set(layout_report.STATES)
-
-
-def test_ranges_without_a_layout_are_a_sentence(refusal, small):
-    assert "no layout in these ranges" in refusal(
-        "layout", "paper", "--search", "--range", "l0=1.5,2", "--range", "c=0", "--json"
-    )
-
-
 @pytest.mark.parametrize(
     ("tokens", "word"),
     [
         (("--set", "magnet_diameter=0", "--set", "magnet_height=0"), "no magnet"),
-        (("--set", "l0=3", "--set", "c=0"), "inside the beam"),
         (("--mode", "magnitude", "--set", "hall_layout=tmag5273a1"), "chip"),
         (("--claim", "--set", "hall_layout=tmag5273a1"), "three elements"),
         (("--clearance", "-1"), "--clearance"),
         (("--range", "f=5"), "--search"),
-        (("--search", "--range", "g=5"), "--range"),
         (("--search", "--range", "f=6,5"), "order"),
         (("--search", "--range", "l0=0.1,5"), "l0"),
         (("--search", "--count", "0"), "--count"),
-        (("--level", "best"), "level"),
     ],
 )
 def test_bad_input_is_a_sentence(refusal, tokens, word):
     assert word in refusal("layout", "paper", *tokens)
-
-
-def test_options_in_vain_are_said(run, small):
-    err = run("layout", "paper", "--count", 3, "--json")[2]
-    assert err == ("magtip: warning: --count has no effect: it works with --search only\n")
-    err = run("layout", "paper", "--ignore-tilt", "--json")[2]
-    assert err == "magtip: warning: --ignore-tilt has no effect: the tilt is zero in these formulas or states\n"
-    assert run("layout", "paper", "--ignore-tilt", "--level", "finite", "--json")[2] == ""
-    err = run("layout", "paper", "--set", "hall_layout=tmag5273a1", "--set", "c=1", "--json")[2]
-    assert err == "magtip: warning: c has no effect: hall_layout is tmag5273a1\n"

@@ -1,23 +1,26 @@
-"""What `magtip solve`, `analytic`, `compare`, `sweep` and `demo` make of their options, call and print."""
+"""The verbs solve and analytic: states, forces, tolerances, files, and what is refused."""
 
-import importlib
+import functools
+import json
 import math
 import re
-import sys
-import types
 from pathlib import Path
 from typing import get_args
 
 import pytest
 
 from analytic import beam
+from fem.analyses.force_targets import ForceTarget
+from fem.solution import Estimates
 from geometry import design_digest
 from geometry.bad_input import MeshError
 from geometry.design import paper
 from geometry.loads import Load
 from studies.inputs import option_groups
 from studies.inputs.option_groups import Method, Motion
-from studies.simulation import load_cases
+from studies.mechanics import model_choice
+from studies.mechanics.model_choice import Statement
+from studies.simulation import compare, load_cases, within_tolerance
 
 QUICK = ("--magnet", "ignored", "--accuracy", "quick")
 
@@ -34,24 +37,11 @@ def test_a_press_has_its_state_as_json(run, strict):
     assert [state[key] for key in ("stop", "remark", "onset_depth_from_mm", "inside_out_share")] == [None] * 3 + [0.0]
 
 
-@pytest.mark.parametrize("flag", [("--depth", 1, "--steps", 2), ("--depths", "0.5,1")])
+@pytest.mark.parametrize("flag", [("--depths", "0.5,1")])
 def test_states_are_lines(run, flag, strict):
     status, out, _ = run("solve", "paper", *flag, "--json", *QUICK)
     assert status == 0
     assert [state["depth_mm"] for state in strict(out)] == [0.5, 1.0]
-
-
-def test_harmonics_replace_those_of_the_accuracy(run, strict):
-    dofs = []
-    for count in (1, 2, 3):
-        flags = ("--grip", 2, "--shear", 0.1, "--harmonics", count, "--json", *QUICK)
-        status, out, _ = run("solve", "paper", *flags)
-        (state,) = strict(out)
-        assert (status, state["status"], state["model"]) == (0, "ok", "harmonic")
-        dofs.append(state["dofs"])
-    # displacement and pressure fields: 2 N + 1 in the plane (one more if N = 1), N + 1 along z, N + 1 pressures
-    assert dofs[0] < dofs[1] < dofs[2]
-    assert (dofs[2] - dofs[1]) / dofs[1] == pytest.approx(3 / 8, rel=0.05)
 
 
 def test_unstable_state_says_since_when(run, strict):
@@ -64,13 +54,6 @@ def test_unstable_state_says_since_when(run, strict):
     low, high = re.search(r"depth between (\S+) and (\S+) mm", unstable["message"]).groups()
     assert 0.4 <= float(low) < float(high) <= 0.8
     assert unstable["message"] in err
-
-
-def test_a_table_of_states_ends_with_their_messages(run):
-    status, out, _ = run("solve", "paper", "--set", "L=24", "--depths", "0.0005,2,3", *QUICK)
-    assert status == 3
-    assert "depth 2, 3 mm: a beam whose tip slides freely" in out.split(" 0.0005 ")[1]
-    assert " 0.0005 " in out
 
 
 @pytest.mark.parametrize("verb", [("sweep", "--axis", "depth=0.5"), ("compare",)], ids=lambda verb: verb[0])
@@ -121,7 +104,7 @@ def test_a_mesh_that_cannot_be_made_is_a_failed_solve(run, monkeypatch, strict):
     assert (state["status"], state["force_N"]) == ("not_converged", None)
 
 
-@pytest.mark.parametrize("shear", [0.0, -0.5])
+@pytest.mark.parametrize("shear", [-0.5])
 def test_analytic_json(run, shear, strict):
     status, out, err = run("analytic", "paper", "--depth", 2, "--shear", shear, "--json")
     assert (status, err) == (0, "")
@@ -179,44 +162,6 @@ def test_choices_match_the_solver():
     assert set(get_args(AccuracyName)) == set(accuracy_levels.LEVELS)
 
 
-@pytest.fixture
-def fake(monkeypatch):
-    """Replace the `run` of a study by one that notes its arguments and gives an answer."""
-
-    def replace(name, answer):
-        calls = []
-
-        def pretend(*args, progress, **options):
-            progress(0.5, "half way")
-            calls.append((*args, options))
-            return answer
-
-        package, _, stem = f"studies.{name}".rpartition(".")
-        module = types.ModuleType(f"studies.{name}")
-        module.run, module.FILES, module.WRITTEN = pretend, (), ()
-        monkeypatch.setitem(sys.modules, f"studies.{name}", module)
-        monkeypatch.setattr(importlib.import_module(package), stem, module, raising=False)
-        return calls
-
-    return replace
-
-
-def test_demo_writes_where_told(run, fake, tmp_path):
-    summary = {"sentences": ["The formula holds nowhere."]}
-    calls = fake("demo", {"status": "ok", "message": "", "summary": summary})
-    status, out, _ = run("demo")
-    assert status == 0
-    assert summary["sentences"][0] in out
-    assert calls[0][0].resolve() == tmp_path / "out" / "demo"
-
-
-def test_demo_that_lost_a_state_says_so(run, fake):
-    fake("demo", {"status": "not_converged", "message": "stopped at 2 mm", "summary": {"sentences": []}})
-    status, _, err = run("demo")
-    assert status == 3
-    assert "stopped at 2 mm" in err
-
-
 def test_formulas_say_what_is_in_the_way(run, strict):
     status, out, err = run("analytic", "paper", "--depth", 3, "--shear", 2.8, "--set", "c=3", "--json")
     (record,) = strict(out)
@@ -245,10 +190,209 @@ def test_options_of_a_solve_that_another_makes_useless(motion, method, options):
     assert [option for option, _ in load_cases.ineffective_options(Motion(**motion), Method(**method))] == options
 
 
-def test_options_in_vain_are_said(run):
-    err = run("solve", "paper", "--depth", 0.5, "--friction", "stick", "--json", *QUICK)[2]
-    assert err == (
-        "magtip: warning: --friction stick has no effect: it acts only during a shear, and this load has none\n"
+# Forces
+
+
+TARGET_KEYS = {"target_force_N", "target_shear_force_N"}
+STICK = Load(friction="stick")
+
+
+@pytest.mark.parametrize(
+    ("options", "targets"),
+    [
+        ({"depth": 1.0}, []),
+        ({"force": 5.0}, [ForceTarget(5.0)]),
+        ({"force": 2.0, "steps": 2}, [ForceTarget(1.0), ForceTarget(2.0)]),
+        ({"forces": "5,1"}, [ForceTarget(5.0), ForceTarget(1.0)]),
+        ({"force": 5.0, "friction": "0.5"}, [ForceTarget(5.0, None, Load(friction=0.5))]),
+        ({"force": 5.0, "shear_force": -1.0}, [ForceTarget(5.0, (-1.0, 0.0), STICK)]),
+        (
+            {"force": 5.0, "shear_force": 2.0, "shear_force_y": 1.0, "steps": 2},
+            [ForceTarget(5.0, (1.0, 0.5), STICK), ForceTarget(5.0, (2.0, 1.0), STICK)],
+        ),
+    ],
+)
+def test_options_as_targets(options, targets):
+    assert load_cases.targets_of(Motion(**options)) == targets
+
+
+@pytest.fixture
+def solve_keys(run, strict):
+    """Keys of a press to a depth."""
+    (state,) = strict(run("solve", "paper", "--depth", 0.1, "--json", *QUICK)[1])
+    return set(state)
+
+
+def test_states_have_all_keys_and_those_of_the_target(run, strict, solve_keys):
+    status, out, err = run("solve", "paper", "--forces", "1,2", "--json", *QUICK)
+    states = strict(out)
+    assert (status, err) == (0, "")
+    assert all(set(state) == solve_keys | TARGET_KEYS for state in states)
+    assert [state["target_force_N"] for state in states] == [1.0, 2.0]
+    for state in states:
+        assert state["force_N"][2] == pytest.approx(state["target_force_N"], rel=1e-3)
+        assert abs(state["force_N"][2] / state["target_force_N"] - 1) < state["error_estimate"]
+
+
+def test_a_shear_force_shows_how_the_normal_force_changed(run, tmp_path):
+    status, out, _ = run(
+        *("solve", "paper", "--force", 1, "--shear-force", 0.1, "--harmonics", 1, "--picture", "shear.png", *QUICK)
     )
-    err = run("analytic", "paper", "--depth", 1, "--set", "law=yeoh", "--json")[2]
-    assert err == "magtip: warning: law has no effect: level paper uses E only\n"
+    assert status == 0
+    assert "target shear force" in out
+    assert "The normal force changed from 1 to 0.9" in out
+    assert (tmp_path / "shear.png").stat().st_size > 1000
+
+
+def test_files_show_the_last_state_before_a_force_that_is_not_reached(run, strict, tmp_path):
+    status, out, err = run("solve", "paper", "--forces", "1,1e6", "--json", "--out", "body.vtu", *QUICK)
+    assert status == 3
+    assert [state["target_force_N"] for state in strict(out)] == [1.0]
+    assert "does not reach 1e+06 N: its largest force is" in err
+    assert err.count("\n") == 1
+    assert (tmp_path / "body.vtu").exists()
+
+
+def test_a_tolerance_chooses_finite_elements_for_the_depth_of_the_force(run, strict, solve_keys):
+    """Formulas would meet this tolerance at a depth of this size."""
+    status, out, err = run("solve", "paper", "--force", 1, "--tolerance", "20%", "--json")
+    (state,) = strict(out)
+    assert (status, state["chosen_model"]) == (0, "axisymmetric quick")
+    assert set(state) == solve_keys | TARGET_KEYS | {"chosen_model", "tolerance", "expected_error"}
+    assert state["force_N"][2] == pytest.approx(1.0, rel=1e-3)
+    assert "because this is the cheapest model" in err
+
+
+@pytest.mark.parametrize(
+    ("options", "parts"),
+    [
+        (("--force", 5, "--depth", 1), ["--force and --depth exclude each other"]),
+        (("--force", 5, "--forces", "1,2"), ["--force and --forces exclude each other"]),
+        (("--force", 0), ["force must be", "above 0", "got 0"]),
+        (("--forces", "1,a"), ["--forces", "number", "'a'"]),
+        (("--force", 5, "--grip", 2), ["--grip has no plate", "--force"]),
+        (("--force", 5, "--shear", 1), ["--shear is a displacement", "--shear-force"]),
+        (("--shear-force", 1), ["--shear-force", "add --force"]),
+        (("--forces", "1,2", "--shear-force", 1), ["--forces is for presses only", "--shear-force"]),
+        (("--force", 5, "--shear-force", 3, "--friction", "0.5"), ["0.5 x 5 N = 2.5 N", "got 3 N"]),
+        (("--force", 5, "--shear-force", 1, "--friction", "none"), ["frictionless plate carries no shear force"]),
+        (("--force", 5, "--tolerance", "1%", "--accuracy", "fine"), ["excludes --accuracy fine"]),
+    ],
+)
+def test_impossible_options_are_a_sentence(refusal, options, parts):
+    err = refusal("solve", "paper", *options)
+    assert all(part in err for part in parts), err
+
+
+# Solutions within a tolerance
+
+
+WITHOUT_SURROGATE = ("--set", "magnet_edge_radius=0.4")
+"""A magnet with rounder edges than the surrogate knows."""
+
+
+def test_formulas_answer_in_the_columns_of_finite_elements(run):
+    _, out, _ = run("solve", "paper", "--depth", "0.4", "--tolerance", "20%", "--json")
+    _, solved, _ = run("solve", "paper", *WITHOUT_SURROGATE, "--depth", "0.4", "--tolerance", "2%", "--json")
+    formula, fem = json.loads(out), json.loads(solved)
+    assert formula["model"] == formula["chosen_model"] == "formula finite"
+    assert set(formula) == set(fem)
+    assert formula["force_N"][2] == pytest.approx(fem["force_N"][2], rel=0.2)
+
+
+def by_surrogate(monkeypatch):
+    """Let the rule have bounds of 2 % for the surrogate in presses to D/4 and in small shears."""
+    own = [
+        Statement(kind, region, "surrogate", "shipped", 9, 9, 0.02, 0.02, 0.02, 0.02, 0.02, 0.02)
+        for kind, region in (("press", "depth to D/4"), ("glued shear", "shear to 0.15 D"))
+    ]
+    rule = tuple(each for each in model_choice.statements() if each.model != "surrogate")
+    monkeypatch.setattr(model_choice, "statements", lambda: (*rule, *own))
+
+
+def test_the_surrogate_answers_in_the_columns_of_finite_elements(run, monkeypatch):
+    by_surrogate(monkeypatch)
+    status, out, err = run("solve", "paper", "--depth", "0.8", "--tolerance", "5%", "--json")
+    _, solved, _ = run("solve", "paper", "--depth", "0.8", "--json")
+    row, fem = json.loads(out), json.loads(solved)
+    assert (status, row["status"]) == (0, "ok")
+    assert row["model"] == row["chosen_model"] == "surrogate shipped"
+    assert "tolerance 5 %: the surrogate, because" in err
+    assert set(row) - set(fem) == {"chosen_model", "tolerance", "expected_error"}
+    assert set(fem) <= set(row)
+    assert row["force_N"][2] == pytest.approx(fem["force_N"][2], rel=0.05)
+    assert row["largest_strain_percent"] == pytest.approx(fem["largest_strain_percent"], rel=0.2)
+
+
+def test_a_picture_and_a_comparison_are_not_by_the_surrogate(run, monkeypatch, tmp_path):
+    by_surrogate(monkeypatch)
+    command = ("solve", "paper", "--depth", "0.8", "--tolerance", "5%", "--json", "--out", str(tmp_path / "body.vtu"))
+    assert json.loads(run(*command)[1])["chosen_model"] == "axisymmetric quick"
+    chosen = within_tolerance.choose_accuracy(paper(), [[Load(depth=0.8)]], "5%")
+    assert chosen.model_kind == "fem"
+
+
+@pytest.mark.parametrize(
+    "option", [("--accuracy", "fine"), ("--model", "half"), ("--harmonics", "2"), ("--mesh", "a.vtu")]
+)
+def test_a_tolerance_excludes_the_options_that_it_decides(refusal, option):
+    assert f"excludes {' '.join(option)}" in refusal("solve", "paper", "--depth", "1", "--tolerance", "1%", *option)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "-1%",
+        "100%",
+        "one",
+    ],
+)
+def test_a_tolerance_that_is_no_share_is_refused(refusal, text):
+    for option in ([f"--tolerance={text}"], ["--tolerance", text]):
+        assert "such as 1%" in refusal("solve", "paper", "--depth", "1", *option)
+
+
+def test_an_estimate_beyond_the_tolerance_is_solved_again_at_a_finer_accuracy(monkeypatch, run):
+    monkeypatch.setattr("fem.equilibrium.estimate_response", estimates)
+    command = ("solve", "paper", *WITHOUT_SURROGATE, "--depth", "0.4", "--tolerance", "2%", "--json")
+    _, out, err = run(*command)
+    row = json.loads(out)
+    assert row["chosen_model"] == "axisymmetric standard"
+    assert row["error_estimate"] == 0.01
+    assert "at accuracy quick the error estimate of the force, 4 %, exceeds" in err
+    assert "solved again at accuracy standard" in err
+
+
+def estimates(one, other, load, scene, model):
+    """Estimates of 4 % at accuracy quick, and of 1 % at finer ones."""
+    value = 0.04 if scene.accuracy.name == "quick" else 0.01
+    return Estimates(force=value, shift=value, tilt=None, sideways=None)
+
+
+@pytest.fixture
+def few_states(monkeypatch):
+    """Let a comparison be one of few states."""
+    monkeypatch.setattr(compare, "run", functools.partial(compare.run, depths=(0.5, 1.0), shears=(0.0, 0.5)))
+
+
+@pytest.mark.usefixtures("few_states")
+def test_compare_takes_a_tolerance(run):
+    status, out, err = run("compare", "paper", "--tolerance", "5%", "--json")
+    record = json.loads(out)
+    assert status == 0
+    assert record["chosen_model"].endswith(" quick")
+    assert record["tolerance"] == 0.05
+    assert f"{record['chosen_model']}, because" in err
+
+
+@pytest.mark.parametrize("value", [0.04, None])
+def test_an_estimate_that_never_meets_the_tolerance_ends_with_status_3(value, run, monkeypatch):
+    monkeypatch.setattr(
+        "fem.equilibrium.estimate_response", lambda *_: Estimates(force=value, shift=value, tilt=None, sideways=None)
+    )
+    status, out, err = run("solve", "paper", *WITHOUT_SURROGATE, "--depth", "0.4", "--tolerance", "1%", "--json")
+    (row,) = map(json.loads, out.splitlines())
+    assert (status, row["status"], row["chosen_model"]) == (3, "beyond_tolerance", "axisymmetric fine")
+    words = "is unknown" if value is None else "4 %, exceeds the tolerance 1 %"
+    assert words in row["message"]
+    assert "solved again at accuracy fine" in err

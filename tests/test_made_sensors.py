@@ -1,4 +1,4 @@
-"""Made sensors: tolerances with their sources, draws that are reproducible, and readings of displaced parts."""
+"""Made sensors: tolerances, draws that are reproducible, readings of displaced parts, and what calibrations leave."""
 
 import dataclasses
 import math
@@ -6,10 +6,26 @@ import math
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from scipy.interpolate import PchipInterpolator
+from stores import temporary
 
-from analytic import hall, parts
-from analytic.reading_noise import of_average, rounding_bias
+from analytic import beam, decode, hall, parts
+from analytic.parts import of_design
+from analytic.reading_noise import of_average
+from fem.accuracy import QUICK
+from fem.scene import Scene
 from geometry.design import BadInput, Design, paper
+from geometry.loads import Load
+from studies.mechanics.solve_plan import Processes, Solver
+from studies.sensing import decode_readings
+from studies.sensitivity import decode_tolerances
+from studies.sensitivity.beam_motions import Press
+from studies.sensitivity.calibration import (
+    curves,
+    percentile,
+    refusals_of,
+    spread_of,
+)
 from studies.sensitivity.made_sensors import (
     SPECS,
     made_readings,
@@ -19,6 +35,7 @@ from studies.sensitivity.made_sensors import (
     share_with_error,
     tolerances,
 )
+from studies.sensitivity.sensitivity_study import failure_reasons
 
 
 def test_every_tolerance_names_unit_distribution_and_source():
@@ -28,11 +45,6 @@ def test_every_tolerance_names_unit_distribution_and_source():
         assert spec["meaning"]
         assert spec["source"]
         assert tolerances()[name] == float(spec["default"])
-
-
-def test_gain_and_null_of_the_hall_element_are_those_of_its_data_sheet():
-    assert parse_tolerances([])["hall_gain"] == pytest.approx(100 * 0.125 / 3.125)
-    assert parse_tolerances([])["hall_null"] == 0.075
 
 
 @pytest.mark.parametrize(
@@ -60,29 +72,11 @@ def test_a_seed_gives_the_same_sensors_again_and_another_seed_others():
     assert not np.array_equal(one, other)
 
 
-def test_deviations_have_the_stated_distributions():
-    sensors = made_sensors(paper(), tolerances(E=20.0, remanence=10.0), 20_000, 3)
-    normal, uniform = sensors.fields["E"] - 1, sensors.fields["remanence"] / 1.2 - 1
-    assert np.abs(normal).max() <= 0.2
-    assert np.abs(uniform).max() <= 0.1
-    # standard deviation of a normal distribution that is cut off at 2 standard deviations: 0.8796
-    assert normal.std() == pytest.approx(0.1 * 0.8796, rel=0.02)
-    assert uniform.std() == pytest.approx(0.1 / 3**0.5, rel=0.02)
-    assert abs(normal.mean()) < 4 * 0.088 / 20_000**0.5
-    assert abs(np.corrcoef(normal, uniform)[0, 1]) < 0.03
-
-
 def test_a_tolerance_leaves_the_deviations_of_the_others():
     both, alone = (made_sensors(paper(), tolerances(magnet_x=size), 50, 4) for size in (0.15, 0.0))
     assert not alone.magnet_offset[:, 0].any()
     assert np.array_equal(both.magnet_offset[:, 1:], alone.magnet_offset[:, 1:])
     assert np.array_equal(both.fields["E"], alone.fields["E"])
-
-
-def test_poissons_ratio_stays_below_a_half():
-    sensors = made_sensors(paper(), tolerances(nu=0.01), 500, 5)
-    assert sensors.fields["nu"].max() == 0.5
-    assert set(sensors.refusals) == {""}
 
 
 def test_elements_deviate_independently_and_the_axes_of_a_chip_together():
@@ -93,13 +87,6 @@ def test_elements_deviate_independently_and_the_axes_of_a_chip_together():
     assert len(np.unique(chip.gain_factor)) == 30
 
 
-def test_a_chip_deviates_as_its_data_sheet_says():
-    design = Design(hall_layout="tmag5170a1")
-    assert parse_tolerances([], design)["chip_gain"] == 2.6
-    assert parse_tolerances(["chip_gain=1"], design)["chip_gain"] == 1
-    assert parse_tolerances([], design)["chip_null"] == tolerances()["chip_null"]
-
-
 def test_impossible_sensors_are_kept_with_their_reason():
     sensors = made_sensors(Design(magnet_diameter=7.58), tolerances(**NONE | {"magnet_diameter": 0.2}), 200, 6)
     impossible = [k for k, design in enumerate(sensors.designs) if design is None]
@@ -107,13 +94,6 @@ def test_impossible_sensors_are_kept_with_their_reason():
     assert all("leaves" in sensors.refusals[k] for k in impossible)
     assert (sensors.fields["magnet_diameter"][impossible] > 7.58).all()
     assert [k for k, reason in enumerate(sensors.refusals) if reason] == impossible
-
-
-def test_the_nominal_sensor_has_no_deviations():
-    sensor = nominal_sensor(paper())
-    assert sensor.designs == (paper(),)
-    assert not sensor.element_offset.any()
-    assert (sensor.gain_factor == 1).all()
 
 
 @pytest.mark.parametrize(
@@ -175,46 +155,7 @@ def test_each_element_reads_at_its_own_place_with_its_own_gain_and_null():
         assert moved[k, 0] == pytest.approx(truth.output, rel=1e-11)
 
 
-def test_the_tilt_of_the_magnet_follows_that_of_the_load():
-    """Two turns one after the other: the sum of their vectors is right to third order."""
-    sensors = made_sensors(paper(), tolerances(**NONE | {"magnet_tilt": 3.0}), 50, 2)
-    axis = np.array([0.0, 0.0, 1.0])
-    for tilt in sensors.magnet_tilt:
-        one_by_one = hall.rotated(hall.rotated(axis, tilt), TILT)
-        assert hall.rotated(axis, tilt + TILT) == pytest.approx(one_by_one, abs=1e-4)
-
-
-def test_impossible_sensors_and_states_without_a_pose_have_no_readings():
-    sensors = made_sensors(Design(magnet_diameter=7.58), tolerances(**NONE | {"magnet_diameter": 0.2}), 20, 6)
-    shift, tilt = states(20)
-    shift[3] = np.nan
-    readings = made_readings(sensors, shift, tilt)
-    without = np.array([design is None for design in sensors.designs])
-    without[3] = True
-    assert np.array_equal(np.isnan(readings.output).all(axis=(1, 2)), without)
-    assert not readings.saturated[without].any()
-
-
 # Noise of a reading: limits, both series of the rounding bias, and samples through a converter.
-
-
-def test_white_noise_falls_with_the_root_of_the_count():
-    assert_allclose([of_average(1e-3, count=n) for n in (1, 4, 100)], [1e-3, 5e-4, 1e-4])
-
-
-def test_a_single_sample_has_noise_step_and_floor():
-    for noise, step in ((0.0, 1e-3), (1e-5, 1e-3), (3e-4, 1e-3), (1e-2, 1e-3)):
-        assert_allclose(of_average(noise, step, 2e-4), math.sqrt(noise**2 + step**2 / 12 + 4e-8))
-
-
-def test_the_floor_and_the_steps_without_noise_do_not_average_away():
-    assert_allclose(of_average(1e-3, floor=1e-5, count=10**9), 1e-5, rtol=1e-3)
-    assert_allclose(of_average(0.0, 1e-3, count=10**9), 1e-3 / math.sqrt(12))
-
-
-def test_both_series_agree_where_they_meet():
-    below, above = rounding_bias(0.1 * (1 - 1e-12), 1.0), rounding_bias(0.1, 1.0)
-    assert_allclose(below, above, rtol=1e-9)
 
 
 @pytest.mark.parametrize("noise", [0.02, 0.15, 0.3, 0.6])
@@ -226,3 +167,186 @@ def test_is_the_error_of_rounded_samples(noise, count):
     samples = np.round(true + noise * rng.standard_normal((count, len(true))))
     error = math.sqrt(((samples.mean(axis=0) - true) ** 2).mean())
     assert_allclose(of_average(noise, 1.0, count=count), error, rtol=5e-3)
+
+
+# Calibrations of made sensors
+
+
+def test_the_ends_of_the_nominal_curves_are_the_readings_under_the_load():
+    made = made_sensors(paper(), tolerances(**NONE), 1)
+    axes = curves("finite", made, Press(1.0, 0.3))
+    pressed, sheared = (beam.solve(paper(), Load(1.0, s, friction="stick"), "finite") for s in (0.0, 0.3))
+    nominal, _ = axes["z"]
+    assert nominal.force[-1] == pytest.approx(pressed.force[2])
+    assert nominal.rest[0] == pytest.approx(hall.readings(paper()).V[0])
+    assert nominal.reading[0, -1] == pytest.approx(hall.readings(paper(), pressed).V[0], rel=1e-6)
+    along_x, _ = axes["x"]
+    assert along_x.force[[0, -1]] == pytest.approx([-sheared.force[0], sheared.force[0]])
+    assert along_x.reading[0, -1] == pytest.approx(hall.readings(paper(), sheared).V[1], rel=1e-6)
+    assert axes["y"][0].reading == pytest.approx(along_x.reading, rel=1e-12)
+
+
+def test_a_sensor_of_twice_the_modulus_is_pressed_less_for_the_same_force():
+    made = made_sensors(paper(), tolerances(**NONE), 1)
+    stiff = dataclasses.replace(made, designs=(Design(E=2.0),))
+    nominal, curve = curves("finite", stiff, Press(1.0))["z"]
+    soft_at_half = np.interp(nominal.force[-1] / 2, nominal.force, nominal.reading[0])
+    assert curve.reading[0, -1] == pytest.approx(soft_at_half, rel=1e-4)
+
+
+def test_a_load_that_the_model_refuses_for_the_design_itself_is_bad_input():
+    made = made_sensors(paper(), count=2)
+    with pytest.raises(BadInput, match="the sensor itself cannot be calibrated: depth must be less than 7 mm"):
+        curves("finite", made, Press(8.0))
+    with pytest.raises(BadInput, match="the sensor itself cannot be calibrated in shear: the surrogate"):
+        curves("surrogate", made, Press(1.0, 8.0))
+
+
+def spread(design=paper(), load=Press(1.0, 0.3), count=4, seed=1, **sizes):
+    """Made sensors, and the spread of their calibrations by the axis."""
+    sensors = made_sensors(design, tolerances(**NONE | sizes), count, seed)
+    return sensors, spread_of(sensors, load, "finite")
+
+
+def test_without_tolerances_all_sensors_are_the_nominal_one():
+    for axis in spread(count=2)[1].values():
+        assert axis.made["force_error"] == pytest.approx([0, 0], abs=1e-12)
+        assert axis.made["recalibrated_force_error"] == pytest.approx([0, 0], abs=1e-12)
+        assert axis.made["sensitivity"] == pytest.approx([axis.nominal["sensitivity"]] * 2)
+        assert axis.refusals == ("", "")
+
+
+def test_a_wrong_null_is_corrected_by_zeroing():
+    sensors, axes = spread(hall_null=0.02, count=20)
+    axis, null = axes["z"], sensors.null_shift[:, 0]
+    assert axis.made["offset"] == pytest.approx(axis.nominal["offset"] + null)
+    assert axis.made["zeroed_force_error"] == pytest.approx(np.zeros(20), abs=1e-9)
+    # beyond the curve's upper end it goes on with its mean slope
+    up = null > 0
+    assert (axis.made["force_error"][up] >= null[up] / axis.nominal["sensitivity"] - 1e-9).all()
+    assert axis.made["force_error"][up] == pytest.approx(null[up] / axis.nominal["sensitivity"], rel=0.5)
+
+
+def test_impossible_sensors_are_failures_with_their_reason():
+    sensors, axes = spread(Design(magnet_diameter=7.58), magnet_diameter=0.2, count=30, load=Press(0.3))
+    impossible = [design is None for design in sensors.designs]
+    assert 3 < sum(impossible) < 27
+    refusals = refusals_of(axes)
+    assert np.array_equal(np.isnan(axes["z"].made["force_error"]), impossible)
+    assert [bool(reason) for reason in refusals] == impossible
+    assert sum(failure_reasons(refusals).values()) == sum(impossible)
+
+
+def test_a_reading_at_a_rail_fails_the_sensor_and_an_axis_whose_reading_folds_fails_all():
+    railed = spread(Design(hall_high=2.91))[1]["z"]
+    assert (
+        railed.message == "the reading of axis z of the design itself lies at a rail" or "one sense" in railed.message
+    )
+    assert np.isnan(railed.made["force_error"]).all()
+    folded = spread(Design(f=3.0, c=0.0), Press(1.0, 2.5))[1]["x"]
+    assert "one sense" in folded.message
+    assert all(folded.refusals)
+
+
+def test_the_surrogate_predicts_the_spread_of_finite_elements():
+    """Three sensors solved one by one: the surrogate's sensitivities differ by its stated error, equally for all."""
+    sensors = made_sensors(paper(), count=3, seed=3)
+    axis = spread_of(sensors, Press(1.0))["z"]
+    loads, force = tuple(map(Load, (0.8, 0.95, 1.1, 1.25))), axis.force_range[1]
+    ratios = []
+    for k, design in enumerate(sensors.designs):
+        with temporary() as kept:
+            (answers,) = Solver(kept, Processes(0), None, QUICK).answers([Scene(design, loads, QUICK)])
+        forces, shifts = np.array([(one.response.force[2], one.response.shift[2]) for one in answers]).T
+        sunk = np.zeros((len(sensors), 2, 3))
+        sunk[k, 1, 2] = PchipInterpolator(forces, shifts)(force)
+        rest, loaded = made_readings(sensors, sunk, np.zeros((len(sensors), 2, 2))).output[k, :, 0]
+        ratios.append(axis.made["sensitivity"][k] / ((loaded - rest) / force))
+    assert ratios == pytest.approx([1.0] * 3, abs=axis.model_error)
+    assert np.ptp(ratios) < 0.005
+    assert np.ptp(axis.made["sensitivity"]) > 0.03 * axis.nominal["sensitivity"]
+
+
+@pytest.mark.parametrize("layout", ["tle493d-p2b6", "tmag5273a1"])
+def test_the_steps_of_a_chip_fail_no_sensor(layout):
+    """Within the range of a shear the reading of a chip stays on some of its steps for several forces."""
+    _, axes = spread(Design(hall_layout=layout), Press(1.0, 0.5), chip_gain=5.0)
+    assert [axis.message for axis in axes.values()] == ["", "", ""]
+    assert refusals_of(axes) == ("",) * 4
+    for axis in axes.values():
+        assert axis.made["recalibrated_force_error"] == pytest.approx(np.zeros(4), abs=1e-9)
+
+
+@pytest.mark.parametrize("share", [0.05, 0.95])
+def test_intervals_cover_the_truth_at_their_level(share):
+    samples = np.random.default_rng(1).random((1000, 200))
+    covered = np.mean([low <= share <= high for _, low, high in (percentile(one, share) for one in samples)])
+    assert 0.935 < covered < 0.98
+
+
+# Decoded readings of built sensors
+
+
+def field_of(sensors, shift, tilt):
+    """What sensors read in a pose, as the decoder of the nominal sensor understands it, shape (n, 3), T."""
+    poses = np.broadcast_to(shift, (len(sensors), 1, 3)), np.broadcast_to(tilt, (len(sensors), 1, 2))
+    return decode.field_of(of_design(paper()), made_readings(sensors, *poses).output[:, 0])
+
+
+@pytest.fixture(scope="module")
+def coder():
+    return decode.decoder(paper(), decode_readings.of_level(paper(), "finite"))
+
+
+def checked(coder, field):
+    return decode_tolerances.check(coder, field, decode.decode(coder, field))
+
+
+def test_nineteen_of_twenty_built_sensors_at_rest_are_told_to_be_so(coder):
+    # other sensors than those of the check
+    field = field_of(made_sensors(paper(), count=400, seed=9), np.zeros(3), np.zeros(2))
+    found = checked(coder, field)
+    assert 0.9 < (found.rest_probability >= decode_tolerances.DOUBTFUL).mean() < 0.98
+    told = [status == "uncalibrated" for status in found.status]
+    nominal = decode.decode(coder, field)
+    with_force = (np.linalg.norm(nominal.force, axis=1) > 0) & (np.array(nominal.status) == "ok")
+    assert with_force.sum() > 100
+    assert told == (with_force & (found.rest_probability >= decode_tolerances.DOUBTFUL)).tolist()
+    (sentence,) = found.warnings(nominal.force)
+    assert "of 400 rows may be those of a sensor at rest" in sentence
+
+
+def test_a_deep_press_is_not_a_sensor_at_rest_and_its_force_has_the_spread_of_built_ones(coder):
+    response = beam.solve(paper(), Load(depth=2.0), "finite")
+    pose = response.shift, np.zeros(2)
+    nominal = field_of(nominal_sensor(paper()), *pose)
+    found = checked(coder, nominal)
+    assert (found.rest_probability[0], found.status) == (0, ["ok"])
+    assert found.warnings(decode.decode(coder, nominal).force) == []
+    # independent sensors scatter as much as the check says, where they have a force
+    force = decode.decode(coder, field_of(made_sensors(paper(), count=400, seed=9), *pose)).force
+    force = force[np.isfinite(force[:, 2])]
+    spread = np.sqrt(((force - decode.decode(coder, nominal).force) ** 2).mean(axis=0))
+    assert_allclose(found.tolerance_N, spread, rtol=0.2)
+
+
+def test_the_verb_tells_forces_that_tolerances_explain(run, strict, tmp_path):
+    """A press of 0.3 mm may be a built sensor at rest; with parts as good as a calibration makes them it is not."""
+    (load,) = strict(run("analytic", "paper", "--depth", 0.3, "--level", "finite", "--json")[1])
+    text = ",".join(map(repr, load["readings_V"]))
+    command = ("decode", "paper", "--level", "finite", "--json")
+    status, out, _ = run(*command, "--readings", text)
+    (record,) = strict(out)
+    assert (status, record["status"]) == (0, "uncalibrated")
+    assert record["message"].endswith("calibrate the sensor")
+    assert_allclose(record["tolerance_N_per_N"], np.array(record["tolerance_N"]) / np.linalg.norm(record["force_N"]))
+    assert record["tolerance_N_per_N"][2] > 1
+    exact = [word for name in SPECS for word in ("--tolerance", f"{name}=1e-5")]
+    (record,) = strict(run(*command, "--readings", text, *exact)[1])
+    assert (record["status"], record["message"], record["warnings"], record["rest_probability"]) == ("ok", "", [], 0)
+    assert record["tolerance_N_per_N"][2] < 1e-3
+    (tmp_path / "r.csv").write_text(f"S1_V,S2_V,S3_V\n{text}\n2.973987,2.903726,2.853713\n")
+    status, out, err = run(*command, "--file", "r.csv")
+    assert (status, [row["status"] for row in strict(out)]) == (0, ["uncalibrated", "ok"])
+    assert "magtip: 1 of 2 rows uncalibrated: the force may be one of the tolerances" in err
+    assert run(*command, "--readings", text, "--tolerance", "hall_gain=-1")[0] == 2

@@ -1,16 +1,21 @@
-"""Files of requirements: what is read, and one sentence for everything else."""
+"""Requirements, catalogues and published sensors: what is read, and one sentence for everything else."""
 
 import dataclasses
+import json
 import math
 
 import numpy as np
 import pytest
 
+from analytic.parts import of_design
+from geometry.base import Base, plan
+from geometry.design import Design
 from studies.output.goals import Goal, failures
 from studies.sizing import conflicts
 from studies.sizing.candidate_variables import Space
-from studies.sizing.catalogues import catalogues_of
-from studies.sizing.conflicts import Conflict, conflict_of, demand, impossible
+from studies.sizing.catalogues import catalogues_of, read_catalogue
+from studies.sizing.conflicts import conflict_of, demand, impossible
+from studies.sizing.published_sensors import REQUIRED, published_sensors, reached_in
 from studies.sizing.requirements import AT_MOST, LIMITS, Requirements, read_requirements
 from studies.sizing.variant_search import Effort, searched, sorted_parts
 
@@ -85,32 +90,12 @@ def test_every_key(toml, tmp_path):
     )
 
 
-def test_only_the_range_is_needed(toml):
-    requirements = read_requirements(toml("force_z = 5"))
-    assert requirements == Requirements(force_z=5.0)
-    assert (requirements.no_saturation, requirements.unique_decoding, requirements.stability_margin) == (
-        True,
-        True,
-        1,
-    )
-
-
-def test_one_diameter_is_a_range_of_one(toml):
-    requirements = read_requirements(toml('force_z = 5\nD = "8 mm"'))
-    assert (requirements.D_low, requirements.D_high) == (8.0, 8.0)
-
-
 def test_rows_state_what_is_unset():
     states = {row["requirement"]: row["state"] for row in Requirements(force_z=5.0, largest_strain=0.4).rows()}
     assert set(states) == {*LIMITS, "no_saturation", "unique_decoding"}
     assert states["force_z"] == states["largest_strain"] == "set"
     assert states["stability_margin"] == states["no_saturation"] == "default"
     assert states["force_x"] == states["first_mode"] == "unset"
-
-
-def test_default_wall_is_what_the_process_prints():
-    assert Requirements(force_z=1.0, process="sla").printed_wall < Requirements(force_z=1.0).printed_wall
-    assert Requirements(force_z=1.0, wall=0.7).printed_wall == 0.7
 
 
 def test_resolution_without_bandwidth_is_warned_of():
@@ -125,48 +110,30 @@ def test_resolution_without_bandwidth_is_warned_of():
     [
         ("", ["sensor.toml: requirements need force_z, the normal force of the press"]),
         ("force_z = 5\nforce_y = 2", ["there is no key 'force_y'", "did you mean force_z"]),
-        ("force_z = 5\nlargest_strian = 2", ["'largest_strian'", "did you mean largest_strain"]),
         ('force_z = "5 kg"', ["force_z: 'kg' is no unit for it: choose one of N, mN, kN"]),
-        ('force_z = "5 mm"', ["'mm' is no unit", "choose one of N, mN"]),
-        ("force_z = true", ["force_z must be a number; got True"]),
         ("force_z = nan", ["force_z must be a finite number; got nan"]),
         ("force_z = 0", ["force_z must lie between 0.001 and 10000 N; got 0 N"]),
-        ("force_z = -5", ["force_z must lie between"]),
-        ("force_z = [5]", [r"force_z must be a number; got \[5\]"]),
         ("force_z = 5\nlargest_strain = 40", ["must lie between 0.01 and 5; got 40: write 40 % as 0.4"]),
         ("force_z = 5\nresolution_z = 5", ["resolution_z must be below the range force_z = 5 N; got 5 N"]),
-        ("force_z = 5\nresolution_x = 1", ["resolution_x = 1 N needs a range: add force_x"]),
         ("force_z = 5\nD = [8, 6]", ["the range must be", "low <= high; got 8 and 6 mm"]),
         ("force_z = 5\nD = [1, 2, 3]", ["D must be one diameter, or a range"]),
-        ("force_z = 5\nD = [8, true]", ["D must be a number in mm"]),
         ("force_z = 5\nD = 12\nouter_size = 10", ["outer_size must be at least the diameter D = 12 mm; got 10 mm"]),
         ("force_z = 5\nD = 8\nheight = 6", ["height must exceed 0.75 D = 6 mm", "got 6 mm"]),
-        ("force_z = 5\nstability_margin = 0.9", ["stability_margin must lie between 1 and 100; got 0.9"]),
-        ("force_z = 5\nsamples = 0", ["samples must lie between 1 and 1000000; got 0"]),
-        ("force_z = 5\nsamples = 1000001", ["samples must lie between 1 and 1000000; got 1000001"]),
         ("force_z = 5\nsamples = 1.5", ["samples must be a whole number; got 1.5"]),
         ("force_z = 5\nno_saturation = 1", ["no_saturation must be true or false; got 1"]),
         ("force_z = 5\nseed = -1", ["seed must be 0 or more"]),
         ('force_z = 5\nprocess = "cnc"', ["process must be 'fdm' or 'sla'", "cnc"]),
-        ('force_z = 5\nouter_shape = "oval"', ["outer_shape must be 'round' or 'square'"]),
         ('force_z = 5\nshipped = ["magnet"]', ["shipped: there is no key 'magnet'", "did you mean magnets"]),
         ("force_z = 5\nmagnets = []", ["magnets is empty: name one or more"]),
         ('force_z = 5\nsilicones = ["A", "A"]', ["silicones lists 'A' twice"]),
         ("force_z = 5\n[weights]\nrnge = 1", ["weights: there is no key 'rnge'", "did you mean range"]),
-        ("force_z = 5\n[weights]\nrange = -1", ["weights: range must lie between 0 and 1e"]),
         ("force_z = 5\n[weights]\nrange = 0\nresolution = 0\nsize = 0", ["weights: all are 0"]),
         ("force_z = 5\nversion = 2", ["the requirements have version 2, and this version of magtip reads version 1"]),
-        ("force_z = ", ["not valid TOML"]),
     ],
 )
 def test_refusal(text, parts, toml, refused):
     with refused(*parts):
         read_requirements(toml(text))
-
-
-def test_refusal_from_python(refused):
-    with refused("force_z must be a number in N"):
-        Requirements(force_z=float("nan"))
 
 
 # Requirements without a variant: what a bound proves at once, and advice that holds.
@@ -203,10 +170,6 @@ def test_no_candidate_is_beyond_a_bound():
     size, height, _ = (each[drawn.outside() == ""] for each in drawn.sizes())
     for key, least in (("outer_size", size.min()), ("height", height.min())):
         assert not impossible(dataclasses.replace(needed, **{key: float(least)}), PARTS)
-
-
-def test_possible_requirements_have_no_bound():
-    assert impossible(dataclasses.replace(NEEDED, outer_size=30.0, height=40.0), PARTS) == ()
 
 
 @pytest.fixture(scope="module")
@@ -261,16 +224,6 @@ def test_a_looser_requirement_never_gives_a_larger_demand(name, other, bounds):
     assert loose <= 1.005 * tight if name in AT_MOST else loose >= tight / 1.005
 
 
-def test_sentence_and_rows():
-    advice = {"requirement": "outer_size", "value": 12.0, "unit": "mm", "gives": 1.2, "gives_of_all": 1.2, "to": 13.2}
-    missed = ({"requirement": "largest_strain", "value": 0.4, "unit": "1"},)
-    found = Conflict((), 1000, None, missed, (advice,))
-    assert found.sentence().endswith("a variant was found where outer_size rises to 13.2 mm")
-    first, second = found.rows()
-    assert first == advice
-    assert (second["requirement"], second["gives"]) == ("largest_strain", None)
-
-
 # Failures that follow from goals.
 
 
@@ -297,3 +250,289 @@ def test_a_goal_without_data_is_missed(posed, said):
 def test_a_goal_without_a_bound_is_refused():
     with pytest.raises(ValueError, match="finite bound"):
         Goal("error", 0.0, math.inf, 1)
+
+
+# Catalogues
+
+
+OWN = """
+[[grade]]
+name = "N38"
+remanence = [1.22, 1.26]
+[[magnet]]
+diameter = 4
+height = 2
+grades = ["N38", "N35"]
+tolerance = 0.05
+[[silicone]]
+name = "Dragon Skin 30"
+E = [0.7, 0.72, 0.74]
+"""
+
+
+def parts_of(**choices):
+    return catalogues_of(Requirements(force_z=1.0, **choices))
+
+
+def named(parts, name):
+    (part,) = [part for part in parts if part.name == name]
+    return part
+
+
+def test_shipped_ranges_are_plausible():
+    parts = parts_of()
+    assert all(1.0 < magnet.remanence_low < magnet.remanence_high < 1.5 for magnet in parts.magnets)
+    assert all(part.low < part.null < part.high for part in parts.hall_parts)
+    assert all(0.04 < silicone.E_low < silicone.E < silicone.E_high < 4 for silicone in parts.silicones)
+    assert all(silicone.nu_low < silicone.nu < silicone.nu_high <= 0.5 for silicone in parts.silicones)
+
+
+@pytest.mark.parametrize(
+    ("name", "psi"), [("Ecoflex 00-50", 12), ("Dragon Skin 10", 22), ("Dragon Skin 20", 49), ("Smooth-Sil 950", 272)]
+)
+def test_moduli_follow_from_the_stress_at_100_percent(name, psi):
+    """The E of a neo-Hookean solid with nominal stress s at a stretch of 2: s = E/3 (2 - 1/4)."""
+    silicone = named(parts_of().silicones, name)
+    s = psi * 6.894757e-3
+    assert silicone.E_low == pytest.approx(s, rel=0.01)
+    assert silicone.E_high == pytest.approx(3 * s / 1.75, rel=0.01)
+
+
+def test_own_parts_are_added_and_replace(toml):
+    parts = parts_of(catalogues=(toml(OWN),))
+    assert named(parts.silicones, "Dragon Skin 30").E == 0.72
+    assert named(parts.magnets, "4x2 N35").tolerance == 0.05
+    assert named(parts.magnets, "4x2 N45").tolerance == 0.1
+    assert named(parts.magnets, "4x2 N38").remanence == pytest.approx(1.24)
+
+
+def test_an_unknown_part_is_refused(refused):
+    with refused("silicones: the catalogues have no 'Dragon Skin 40'", "did you mean Dragon Skin"):
+        parts_of(silicones=("Dragon Skin 40",))
+    with refused("magnets: the catalogues have no 'huge'", "`magtip catalogue` lists all parts"):
+        parts_of(magnets=("huge",))
+
+
+def test_an_empty_kind_is_refused(refused, toml):
+    with refused("the catalogue of hall_parts is empty: add hall_parts to `shipped`"):
+        parts_of(shipped=("magnets", "silicones"))
+
+
+def test_a_part_in_two_files_is_refused(refused, toml):
+    with refused("b.toml: .*a.toml has a part 'Dragon Skin 30' too"):
+        parts_of(catalogues=(toml(OWN, "a.toml"), toml(OWN.replace("= 4", "= 5"), "b.toml")))
+
+
+@pytest.mark.parametrize("bound", ["D_high", "outer_size"])
+def test_a_beam_in_which_no_magnet_fits_is_refused(refused, bound):
+    with refused("no magnet in use fits into a beam of 4.1 mm: the smallest one, 4x2 N35, needs 4.2 mm"):
+        parts_of(magnets=("5x2 N35", "4x2 N35"), **{bound: 4.1})
+    assert parts_of(magnets=("4x2 N35",), **{bound: 4.2}).magnets
+
+
+@pytest.fixture(scope="module")
+def parts():
+    return catalogues_of(Requirements(force_z=1.0))
+
+
+def test_shipped_parts_make_designs(parts):
+    for magnet in parts.magnets:
+        D = 3 * max(magnet.diameter, magnet.height)
+        assert Design(D=D, L=D, l0=D, **magnet.fields()).remanence == magnet.remanence
+    for part in parts.hall_parts:
+        assert Design(**part.fields()).hall_layout == part.layout
+    for silicone in parts.silicones:
+        assert Design(**silicone.fields()).E == silicone.E
+
+
+GRADE = '[[grade]]\nname = "N38"\nremanence = ["1220 mT", 1.26]\n'
+MAGNET = '[[magnet]]\ndiameter = 7\nheight = "2 mm"\ngrades = ["N38"]\n'
+HALL = '[[hall_part]]\nname = "H"\ngain = "10 mV/mT"\n'
+SILICONE = '[[silicone]]\nname = "S"\nE = ["700 kPa", 0.8, 1]\n'
+
+
+def test_a_file_with_all_kinds(toml):
+    file = read_catalogue(toml(GRADE + MAGNET + HALL + SILICONE))
+    assert file.grades["N38"]["remanence"] == (1.22, 1.26)
+    assert (file.magnets["7x2"]["diameter"], file.magnets["7x2"]["height"]) == (7.0, 2.0)
+    assert file.hall_parts["H"].gain == 10.0
+    assert (file.silicones["S"].E_low, file.silicones["S"].E, file.silicones["S"].E_high) == (0.7, 0.8, 1.0)
+
+
+CHIP = """[[hall_part]]
+name = "C"
+layout = "chip"
+range = "50 mT"
+step = "2 uT"
+noise = "5 uT"
+rate = "1 kHz"
+offset = "0.2 mT"
+body = [2.0, 2.5, 0.8]
+plate_height = 0.3
+"""
+
+
+def test_a_chip_of_any_kind_makes_a_design(toml):
+    part = read_catalogue(toml(CHIP)).hall_parts["C"]
+    assert (part.rate, part.null_tolerance) == (1000.0, 2e-4)
+    design = Design(l0=9.0, **part.fields())
+    element = of_design(design)[0]
+    assert (element.high, element.step, element.noise, element.unit) == (0.05, 2e-6, 5e-6, "T")
+    (pocket,) = plan(design, Base()).seats.bodies.values()
+    assert pocket.sides[:2] > (2.0, 2.5)
+
+
+def test_a_chip_of_unknown_noise_is_listed_and_sizes_no_sensor(toml, refused):
+    assert {"MLX90393", "MMC5983MA"} <= {part.name for part in parts_of().left_out}
+    with refused("no sensor can be sized with MLX90393: its noise is unknown: state it"):
+        parts_of(hall_parts=("MLX90393",))
+    with refused("no sensor can be sized with MMC5983MA: it measures the ambient field"):
+        parts_of(hall_parts=("MMC5983MA",))
+    assert Design(hall_layout="mlx90393").value_warnings()[0].startswith("the noise of MLX90393 is unknown")
+    own = toml('[[hall_part]]\nname = "MLX90393"\nlayout = "mlx90393"\nnoise = "3 uT"')
+    (part,) = parts_of(hall_parts=("MLX90393",), catalogues=(own,)).hall_parts
+    assert of_design(Design(**part.fields()))[0].noise == 3e-6
+
+
+@pytest.mark.parametrize(
+    ("text", "parts"),
+    [
+        ("", ["sensor.toml: the catalogue is empty: add a table"]),
+        ("[magnet]\ndiameter = 4", [r"magnet must be an array of tables: write \[\[magnet\]\]"]),
+        ("[[magnets]]\ndiameter = 4", ["there is no key 'magnets'", "did you mean magnet"]),
+        (
+            '[[magnet]]\ndiamter = 4\nname = "M"',
+            ["sensor.toml: M: there is no key 'diamter'", "did you mean diameter"],
+        ),
+        ("[[magnet]]\ndiameter = 4", [r"\[\[magnet\]\] number 1: height is missing"]),
+        (MAGNET.replace("7", '"7 N"'), ["diameter: 'N' is no unit for it"]),
+        (MAGNET + "edge_radius = 1.5", ["edge_radius must not exceed half the magnet's smaller side = 1 mm"]),
+        (MAGNET.replace('["N38"]', '"N38"'), ["grades must be a list of names; got 'N38'"]),
+        (MAGNET + MAGNET, [r"two tables \[\[magnet\]\] have the name '7x2'"]),
+        (SILICONE.replace("0.8", "0.6"), ["S: E must be", "none above the next; got 0.7, 0.6, 1"]),
+        (SILICONE.replace('["700 kPa", 0.8, 1]', "0.8"), [r"E must be \[low, typical, high\]; got 0.8"]),
+        (SILICONE + "nu = [0.4, 0.5, 0.6]", ["nu must lie between 0.3 and 0.5; got 0.6"]),
+        ('[[hall_part]]\nname = "H"', ["H: gain is missing"]),
+        (HALL + "low = 3", ["null must lie between low = 3 V and high = 4.8 V; got 2.5 V"]),
+        (HALL + 'layout = "tmag5273"', ["there is no layout 'tmag5273'", "did you mean tmag5273a"]),
+        (CHIP.replace("0.3", "1"), ["plate_height must not exceed the body's height = 0.8 mm; got 1 mm"]),
+    ],
+)
+def test_refusal_of_catalogues(text, parts, toml, refused):
+    with refused(*parts):
+        read_catalogue(toml(text))
+
+
+# The verb catalogue: tables, JSON, parts of the user.
+
+
+def test_one_kind(run, strict):
+    status, out, _ = run("catalogue", "silicones", "--json")
+    rows = strict(out)
+    assert status == 0
+    assert {row["kind"] for row in rows} == {"silicones"}
+    assert ("Dragon Skin 30", 0.55, 1.02) in [(row["name"], row["E_low_MPa"], row["E_high_MPa"]) for row in rows]
+    assert all(row["source"] for row in rows)
+
+
+def test_all_kinds_are_tables(run):
+    status, out, _ = run("catalogue")
+    assert status == 0
+    assert [out.index(title) for title in ("Magnets: ", "Hall parts: ", "Silicones: ")] == sorted(
+        out.index(title) for title in ("Magnets: ", "Hall parts: ", "Silicones: ")
+    )
+    assert "4x2 N35" in out
+
+
+def test_published_sensors(run, strict):
+    status, out, _ = run("catalogue", "published", "--json")
+    assert status == 0
+    assert {row["sensor"] for row in strict(out)} == {
+        "Chathuranga 2016",
+        "MagOne",
+        "Dwivedi 2018",
+        "Tomo 2016",
+        "eFlesh 2025",
+    }
+
+
+# Published sensors
+
+
+SENSORS = {sensor["name"]: sensor for sensor in published_sensors()}
+
+
+def figure(name, quantity):
+    (one,) = [each for each in SENSORS[name]["figures"] if each["quantity"] == quantity]
+    return one
+
+
+@pytest.mark.parametrize(
+    ("name", "quantity", "value"),
+    [
+        ("MagOne", "resolution_z", 1.42e-3),
+        ("MagOne", "resolution_x", 0.71e-3),
+        ("Dwivedi 2018", "resolution_z", 11.7e-3),
+        ("Tomo 2016", "range_z", 14.2),
+        ("eFlesh 2025", "resolution_z", 0.27),
+        ("eFlesh 2025", "resolution_x", 0.12),
+    ],
+)
+def test_figures_of_the_abstracts(name, quantity, value):
+    one = figure(name, quantity)
+    assert (one["value"], one["origin"]) == (pytest.approx(value), "abstract")
+
+
+@pytest.mark.parametrize("name", SENSORS)
+def test_requirements_have_the_same_box(name):
+    sensor = SENSORS[name]
+    requirements = read_requirements(str(sensor["requirements"]))
+    for each in sensor["figures"]:
+        if each["quantity"].startswith("resolution") and name != "Chathuranga 2016":
+            continue  # a result of the sizing, not a bound
+        assert getattr(requirements, REQUIRED.get(each["quantity"], each["quantity"])) == pytest.approx(each["value"])
+    assert catalogues_of(requirements).magnets
+
+
+def test_every_file_of_requirements_is_valid():
+    folder = SENSORS["MagOne"]["requirements"].parent
+    files = sorted(file for file in folder.glob("*.toml") if "force_z" in file.read_text("utf-8"))
+    assert len(files) == 13
+    for file in files:
+        requirements = read_requirements(str(file))
+        # two of them leave the bandwidth to the Hall parts
+        assert not requirements.warnings() or file.stem in ("finger", "foot")
+        assert catalogues_of(requirements).hall_parts
+
+
+def written(folder, front):
+    (folder / "magone").mkdir(parents=True)
+    (folder / "magone" / "sizing.json").write_text(json.dumps({"front": front}), "utf-8")
+    return folder
+
+
+ROW = {
+    "status": "ok",
+    "fem_range_z_N": 12.0,
+    "fem_range_x_N": 2.0,
+    "fem_resolution_z_mN": 3.0,
+    "fem_resolution_x_mN": None,
+    "outer_size_mm": 14.9,
+    "height_mm": 13.0,
+}
+
+
+def test_results_are_read(tmp_path):
+    reached = reached_in(written(tmp_path, [{"status": "failed"}, ROW]))["MagOne"]
+    assert reached == {"range_z": 12.0, "range_x": 2.0, "resolution_z": 0.003, "outer_size": 14.9, "height": 13.0}
+
+
+@pytest.mark.parametrize("front", [[], [{"status": "failed"}]])
+def test_a_box_without_a_variant_is_left_out(tmp_path, refused, front):
+    with refused("holds no result of magtip size in a folder named paper_sensor, magone"):
+        reached_in(written(tmp_path, front))
+
+
+def test_what_is_no_result_is_refused(tmp_path, refused):
+    with refused("sizing.json is no result of magtip size", "run it again"):
+        reached_in(written(tmp_path, [{"status": "ok"}]))

@@ -1,14 +1,20 @@
-"""A result on its way to terminal, JSON, files and exit status."""
+"""A result on its way to terminal, JSON, tables, files and exit status, and the commit that it names."""
 
 import json
+import math
+import shutil
+import subprocess
+import sys
 from functools import partial
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
+from pyarrow import parquet
 
 from geometry.design import BadInput
-from studies.output import atomic_files
+from studies.output import atomic_files, provenance
 from studies.output.atomic_files import LOCK, write_text
 from studies.output.result import (
     FAILED,
@@ -23,6 +29,7 @@ from studies.output.result import (
     of_record,
     publish,
 )
+from studies.output.table_files import write_table, writer
 
 NAMES = ("press.csv", "press.txt", "PAGE.md")
 ROWS = [
@@ -116,10 +123,176 @@ def test_an_interruption_prints_what_is_complete_and_writes_nothing(tmp_path, ca
     assert list(Path(tmp_path).iterdir()) == []
 
 
-def test_an_error_leaves_no_folder(tmp_path):
-    def study(_):
-        raise ZeroDivisionError
+# Tables written batch by batch: round trips, missing values, memory, refusals.
 
-    with pytest.raises(ZeroDivisionError):
-        publish(study, Destination(out=tmp_path / "new", names=NAMES))
+
+SUFFIXES = (".csv", ".parquet")
+MEMORY = """
+import resource, sys
+import numpy as np
+from studies.output.table_files import writer
+
+def table(batches):
+    with writer(sys.argv[1]) as write:
+        for start in range(batches):
+            write({f"x{k}": np.arange(20_000.0) + 0.1 * k + start for k in range(8)} | {"n": np.arange(20_000)})
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+
+print(table(6), table(16))
+"""
+
+
+def batch(start, count):
+    values = np.arange(start, start + count) / 7
+    values[::3] = np.nan
+    texts = np.array([None if k % 4 else f"row, {k}" for k in range(start, start + count)], dtype=object)
+    return {"force_N": values, "solve": np.arange(start, start + count), "ok": values > 1, "message": texts}
+
+
+def joined(*batches):
+    return pd.DataFrame({name: np.concatenate([b[name] for b in batches]) for name in batches[0]})
+
+
+def written(path, *batches, **options):
+    with writer(path, **options) as write:
+        for columns in batches:
+            write(columns)
+    return path
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_round_trip(tmp_path, suffix):
+    batches = batch(0, 5), batch(5, 1), batch(6, 30)
+    path = written(tmp_path / f"t{suffix}", *batches, digits=17)
+    table = parquet.read_table(path).to_pandas() if suffix == ".parquet" else pd.read_csv(path)
+    pd.testing.assert_frame_equal(table, joined(*batches))
+
+
+def test_parquet_stores_null_for_nan(tmp_path):
+    table = parquet.read_table(written(tmp_path / "t.parquet", batch(0, 9)))
+    assert (table["force_N"].null_count, table["message"].null_count) == (3, 6)
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_table_without_rows(tmp_path, suffix):
+    path = written(tmp_path / f"t{suffix}", {"a": np.zeros(0), "b": np.zeros(0)})
+    table = parquet.read_table(path).to_pandas() if suffix == ".parquet" else pd.read_csv(path)
+    assert (list(table), len(table)) == (["a", "b"], 0)
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+@pytest.mark.parametrize("columns", [{"x": np.zeros(2), "y": np.zeros(3)}, {"x": np.zeros(2)}])
+def test_wrong_batch_leaves_nothing(tmp_path, suffix, columns):
+    with pytest.raises((ValueError, KeyError)):
+        written(tmp_path / f"t{suffix}", {"x": np.zeros(2), "y": np.ones(2)}, columns)
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_exception_keeps_the_file_of_before(tmp_path, suffix):
+    path = tmp_path / f"t{suffix}"
+    path.write_text("before")
+    with pytest.raises((AttributeError, TypeError)):
+        written(path, {"x": np.zeros(2)}, None)
+    assert path.read_text() == "before"
+    assert list(tmp_path.glob("[!.]*")) == [path]
+
+
+def test_memory_does_not_grow_with_the_rows(tmp_path):
+    pytest.importorskip("resource")
+    run = [sys.executable, "-c", MEMORY, str(tmp_path / "t.parquet")]
+    first, last = map(int, subprocess.run(run, capture_output=True, text=True, check=True).stdout.split())
+    # the 200 000 rows more of the second table have 14 MB
+    assert last - first < 5_000
+
+
+ROWS_TABLE_FILES = [
+    {"depth_mm": 0.1, "solve": 1, "ok": True, "message": "", "number": 7},
+    {"depth_mm": math.nan, "solve": 2, "ok": False, "message": 'a "b", c', "mixed": "text"},
+    {"depth_mm": -1e-7, "solve": 3, "ok": True, "message": None, "mixed": 1.23456789, "number": 12345678},
+]
+
+
+@pytest.mark.parametrize("rows", [ROWS_TABLE_FILES, ROWS_TABLE_FILES[:1], []])
+@pytest.mark.parametrize("digits", [3, 6, 12])
+def test_text_is_what_pandas_writes(tmp_path, rows, digits):
+    write_table(tmp_path / "t.csv", iter(rows), digits=digits)
+    expected = pd.DataFrame(rows).to_csv(index=False, float_format=f"%.{digits}g", lineterminator="\n")
+    assert (tmp_path / "t.csv").read_bytes() == expected.encode()
+
+
+# Which commit and which versions a result names.
+
+
+NAME = ("-c", "user.name=a", "-c", "user.email=a@b.invalid")
+PROJECT = '[project]\nname = "{}"\n'
+
+
+def git(folder, *words):
+    return subprocess.run(["git", *words], cwd=folder, check=True, capture_output=True, text=True).stdout.strip()
+
+
+def copied(folder):
+    """A copy of the module's package below a folder."""
+    package = folder / "studies"
+    shutil.copytree(
+        Path(provenance.__file__).parent, package / "output", ignore=shutil.ignore_patterns("__pycache__")
+    )
+    (package / "__init__.py").touch()
+    return package
+
+
+def commit_of(package):
+    code = "from studies.output.provenance import commit; print(commit())"
+    ended = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=package.parent,
+        capture_output=True,
+        text=True,
+        check=True,
+        env={"PATH": PATH, "PYTHONPATH": str(provenance.ROOT)},
+    )
+    return ended.stdout.strip()
+
+
+PATH = str(Path(shutil.which("git") or "").parent)
+
+
+@pytest.fixture
+def repository(tmp_path):
+    """A repository with one commit."""
+    git(tmp_path, "init", "-q")
+    (tmp_path / "pyproject.toml").write_text(PROJECT.format("theirs"))
+    git(tmp_path, "add", "-A")
+    git(tmp_path, *NAME, "commit", "-qm", "one")
+    return tmp_path
+
+
+def test_an_installed_copy_inside_another_repository_names_no_commit(repository):
+    assert commit_of(copied(repository / "venv" / "site-packages")) == "None"
+
+
+def test_a_copy_that_its_repository_does_not_hold_names_no_commit(repository):
+    (repository / "pyproject.toml").write_text(PROJECT.format("magtip"))
+    assert commit_of(copied(repository)) == "None"
+
+
+def test_a_checkout_of_the_project_names_its_commit_and_whether_it_was_changed(repository):
+    package = copied(repository)
+    (repository / "pyproject.toml").write_text(PROJECT.format("magtip"))
+    git(repository, "add", "-A")
+    git(repository, *NAME, "commit", "-qm", "two")
+    head = git(repository, "rev-parse", "--short", "HEAD")
+    assert commit_of(package) == head
+    (repository / "README.md").write_text("not a source of results")
+    git(repository, "add", "README.md")
+    assert commit_of(package) == head
+    (package / "__init__.py").write_text("changed = True\n")
+    assert commit_of(package) == f"{head}-dirty"
+
+
+def test_versions_leave_out_what_is_not_installed():
+    text = provenance.versions(["numba-that-nobody-has", "altair"])
+    assert text.startswith("on Python 3.")
+    assert "nobody" not in text
+    assert ", altair " in text

@@ -1,20 +1,37 @@
-"""The study of sensitivity: closed forms, finite elements through the store, the verb with its files and refusals."""
+"""The verb sensitivity: Sobol indices, Morris' effects and made sensors against closed forms, files and refusals."""
 
 import csv
+import itertools
 import math
 import re
 
 import numpy as np
 import pytest
 
-from analytic import beam
-from fem import equilibrium
+from analytic import beam, hall
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load
+from studies.mechanics import surrogate_response
 from studies.sensitivity import sensitivity_study
-from studies.sensitivity.beam_motions import Press
+from studies.sensitivity.beam_motions import (
+    QUANTITIES,
+    Press,
+    motions,
+    names,
+    poses,
+    sampled_outputs,
+)
+from studies.sensitivity.global_sensitivity import (
+    effects,
+    indices,
+    saltelli_points,
+    sobol_of,
+    squared_differences,
+    trajectories,
+    variances,
+)
 from studies.sensitivity.made_sensors import tolerances
-from studies.sensitivity.sensitivity_study import Request, monte_carlo, ranges_of, sobol, substitutes
+from studies.sensitivity.sensitivity_study import Request, ranges_of, sobol
 
 BARE = Design(magnet_diameter=0.0, magnet_height=0.0)
 
@@ -69,13 +86,6 @@ def test_refused_points_are_counted_and_widen_the_intervals():
     assert row["total_order_high"] - row["total_order_low"] > 0.3
 
 
-def test_the_error_of_the_surrogate_does_not_depend_on_the_modulus():
-    rows = sobol(study_of({"E": (0.9, 1.1), "L": (8.0, 12.0)}, points=64)).rows
-    (of_shift,) = (row for row in rows if (row["output"], row["input"]) == ("shift_z_mm", "E"))
-    assert (of_shift["total_order"], of_shift["total_order_high"]) == (0.0, 0.0)
-    assert of_shift["model_error_over_deviation"] > 0
-
-
 def test_morris_on_finite_elements_finds_that_force_is_proportional_to_the_modulus(morris, traced):
     study = morris({"E": (0.5, 1.5)})
     (force, *_) = (row for row in study.rows if row["output"] == "force_N")
@@ -85,26 +95,6 @@ def test_morris_on_finite_elements_finds_that_force_is_proportional_to_the_modul
     assert len(traced) == 1
 
 
-def test_morris_that_was_interrupted_continues_from_the_store(morris, traced, monkeypatch):
-    ranges = {"L": (9.0, 12.0), "depth": (0.3, 0.6)}
-    real, allowed = equilibrium.trace, 2
-
-    def interrupted(*args, **kwargs):
-        if len(traced) >= allowed:
-            raise KeyboardInterrupt
-        return real(*args, **kwargs)
-
-    with monkeypatch.context() as patch:
-        patch.setattr(equilibrium, "trace", interrupted)
-        with pytest.raises(KeyboardInterrupt, match="2 of 4 solves are kept in"):
-            morris(ranges)
-    study = morris(ranges)
-    assert all(case["status"] == "ok" for case in study.each)
-    again = morris(ranges)
-    assert len(traced) == 4
-    assert [row["mu_star"] for row in again.rows] == [row["mu_star"] for row in study.rows]
-
-
 def test_failed_cases_of_morris_are_counted_and_bounded(morris):
     study = morris({"L": (3.0, 9.0)}, Press(0.3), 4)
     failed = [case for case in study.each if case["status"] != "ok"]
@@ -112,31 +102,6 @@ def test_failed_cases_of_morris_are_counted_and_bounded(morris):
     assert row["failed"] == len(failed) > 0
     assert row["mu_star_high"] > row["mu_star"] >= row["mu_star_low"]
     assert next(iter(study.reasons)).startswith("bad_input: L must exceed the tip radius")
-
-
-def test_unstable_cases_of_morris_keep_their_numbers_and_are_said(morris):
-    study = morris({"L": (24.0, 32.0)}, Press(3.0), 4)
-    assert not study.reasons
-    assert {case["status"] for case in study.each} == {"unstable"}
-    count = len(study.each)
-    assert f"{count} of {count} states are unstable, the first one because a beam whose tip slides" in study.doubt
-
-
-def test_a_fast_model_answers_in_place_of_failed_cases():
-    points, failed = np.array([[0.5], [1.0], [9.0]]), np.array([False, True, True])
-    other = substitutes(study_of({"depth": (0.5, 9.0)}, model="finite"), points, failed)
-    assert np.isnan(other["force_N"][[0, 2]]).all()
-    assert other["force_N"][1] == beam.solve(paper(), Load(1.0), "finite").force[2]
-
-
-def test_a_monte_carlo_has_percentiles_of_each_axis_and_a_row_for_each_sensor():
-    study = monte_carlo(study_of({}, Press(1.0, 0.3), methods=("montecarlo",), sensors=30, seed=2))
-    assert {(row["axis"], row["percentile"]) for row in study.rows} == {(a, p) for a in "zxy" for p in (5, 50, 95)}
-    assert len(study.each) == 30
-    assert {"E_MPa", "z_sensitivity_V_per_N", "x_force_error_N", "element2_gain_factor"} <= study.each[0].keys()
-    for row in study.rows:
-        assert row["low"] is None or row["low"] <= row["value"]
-        assert row["high"] is None or row["high"] >= row["value"]
 
 
 FAST = ("--model", "finite", "--count", "16", "--sensors", "20", "--trajectories", "2", "--accuracy", "quick")
@@ -165,14 +130,6 @@ def test_all_methods_write_their_tables_pictures_and_the_page(run, tmp_path, str
     assert first["total_order"] == pytest.approx(1.0, abs=0.2)
 
 
-def test_files_of_methods_that_are_not_requested_again_do_not_stay(run, tmp_path):
-    common = ("sensitivity", "paper", "--depth", "0.5", *FAST, "--out", "o")
-    assert run(*common, "--methods", "sobol")[0] == 0
-    assert run(*common, "--methods", "montecarlo")[0] == 0
-    names = {path.name for path in (tmp_path / "o").glob("[!.]*")}
-    assert names == {"SENSITIVITY.md", "montecarlo.csv", "montecarlo.png", "percentiles.csv"}
-
-
 def test_failures_are_said_and_end_with_3_if_nothing_succeeds(run):
     common = ("sensitivity", "paper", "--depth", "0.1", "--methods", "sobol", "--count", "16")
     status, _, err = run(*common, "--vary", "L=30:36")
@@ -187,19 +144,16 @@ def test_failures_are_said_and_end_with_3_if_nothing_succeeds(run):
     ("options", "message"),
     [
         (("--methods", "sobel"), "--methods: there is no method 'sobel': did you mean sobol?"),
-        (("--model", "surogate"), "--model: there is no model 'surogate': did you mean surrogate?"),
         (("--seed", "-1"), "--seed must be 0 or more; got -1"),
         (("--methods", "montecarlo", "--vary", "E=1:2"), "--vary works with the methods sobol and morris"),
         (("--tolerance", "Ee=1"), "--tolerance: there is no key 'Ee'"),
         (("--store", "x.sqlite"), "--store works with the method morris only"),
-        (("--count", "100"), "need a power of 2, 8 or more, as count; got 100"),
         (("--methods", "sobol,morris", "--trajectories", "1"), "from 2 to 1000 trajectories; got 1"),
         (("--sensors", "0"), "the number of made sensors must be from 1 to 1000000; got 0"),
         (
             ("--vary", "friction=0.1:0.5"),
             "--vary friction: only fields of the design, depth and shear can vary: leave it out",
         ),
-        (("--vary", "depth=1:9", "--model", "paper", "--vary", "law=1:2"), "its values are names"),
     ],
 )
 def test_impossible_studies_are_refused_in_a_sentence(run, options, message):
@@ -208,28 +162,223 @@ def test_impossible_studies_are_refused_in_a_sentence(run, options, message):
     assert message in err
 
 
-def test_ranges_of_the_tolerances_lie_about_the_design_and_below_their_bounds():
-    ranges = ranges_of(paper(), [], ["sobol"], tolerances(E=20.0, nu=0.001, magnet_height=0.0))
-    assert ranges["E"] == pytest.approx((0.8, 1.2))
-    assert ranges["nu"] == pytest.approx((0.4988, 0.5))
-    assert ranges["magnet_diameter"] == pytest.approx((3.95, 4.05))
-    assert "magnet_height" not in ranges
-
-
 @pytest.mark.parametrize(
     ("text", "message"),
     [
         ("E=1", "--vary E takes low:high, such as E=1:2; got '1'"),
         ("E=2:1", "--vary E takes low:high with low < high; got '2:1'"),
         ("E=1:1e9", "every value of axis E must lie between"),
-        ("E=a:b", "each value of axis E must be a finite number; got 'a'"),
         ("law=1:2", "--vary law: its values are names"),
         ("hall_average=1:9", "--vary hall_average: it is a whole number of samples"),
-        ("EE=1:2", "there is no axis 'EE'"),
-        ("E", "--vary takes KEY=VALUE, such as E=0.6:1; got 'E'"),
     ],
 )
 def test_impossible_ranges_are_refused(text, message):
     with pytest.raises(BadInput) as error:
         ranges_of(paper(), [text], ["sobol"], tolerances())
     assert message in str(error.value)
+
+
+# Sobol indices and Morris' effects of functions
+
+
+ANGLES = dict.fromkeys(("x1", "x2", "x3"), (-math.pi, math.pi))
+FIRST, TOTAL = [0.3139, 0.4424, 0.0], [0.5576, 0.4424, 0.2437]
+"""Indices of Ishigami's function with a = 7 and b = 0.1, in closed form."""
+
+
+def ishigami(x):
+    return np.sin(x[:, 0]) + 7 * np.sin(x[:, 1]) ** 2 + 0.1 * x[:, 2] ** 4 * np.sin(x[:, 0])
+
+
+def contains(result, first, total):
+    truth = {"first_order": np.array(first), "total_order": np.array(total)}
+    return [
+        inside
+        for order, values in truth.items()
+        for inside in (result[f"{order}_low"] <= values) & (values <= result[f"{order}_high"])
+    ]
+
+
+def test_ishigami():
+    result = sobol_of(ishigami, ANGLES, 4096, seed=1)
+    assert result["first_order"].to_numpy() == pytest.approx(FIRST, abs=0.015)
+    assert result["total_order"].to_numpy() == pytest.approx(TOTAL, abs=0.015)
+    assert all(contains(result, FIRST, TOTAL))
+    values = ishigami(saltelli_points(ANGLES, 4096, 1))
+    assert values.mean() == pytest.approx(3.5, abs=0.05)
+    assert values.var() == pytest.approx(49 / 8 + 0.1 * math.pi**4 / 5 + 0.01 * math.pi**8 / 18 + 0.5, rel=0.02)
+
+
+def test_the_intervals_cover_the_truth_at_their_level():
+    """Of 30 samples, 95 % of the intervals of six indices: not fewer than 0.88, where all six are equally covered."""
+    covered = [contains(sobol_of(ishigami, ANGLES, 256, seed=seed), FIRST, TOTAL) for seed in range(30)]
+    assert 0.88 < np.mean(covered) < 0.99
+
+
+@pytest.mark.parametrize("share", [0.01, 0.1])
+@pytest.mark.parametrize("where", ["at random", "in a corner", "where large"])
+def test_with_failed_points_the_intervals_contain_the_truth(share, where):
+    def failing(x):
+        y = ishigami(x)
+        rank = {
+            "at random": np.random.default_rng(3).random(len(x)),
+            "in a corner": x[:, 0] + x[:, 1],
+            "where large": y,
+        }
+        return np.where(rank[where] > np.quantile(rank[where], 1 - share), np.nan, y)
+
+    result = sobol_of(failing, ANGLES, 1024, seed=4)
+    assert all(contains(result, FIRST, TOTAL))
+    whole = sobol_of(ishigami, ANGLES, 1024, seed=4)
+    assert (result["total_order_high"] - result["total_order_low"]).sum() > (
+        whole["total_order_high"] - whole["total_order_low"]
+    ).sum()
+
+
+def test_the_stated_error_of_the_model_widens_the_intervals():
+    values = ishigami(saltelli_points(ANGLES, 256, 5))
+    exact = indices(ANGLES, values, seed=5)
+    rough = indices(ANGLES, values, np.full_like(values, 2.0), seed=5)
+    assert np.array_equal(exact["first_order"], rough["first_order"])
+    assert (rough["first_order_low"] <= exact["first_order_low"]).all()
+    assert (rough["total_order_high"] >= exact["total_order_high"]).all()
+    width = [(one["first_order_high"] - one["first_order_low"]).sum() for one in (exact, rough)]
+    assert width[1] > 1.2 * width[0]
+
+
+def test_an_output_that_does_not_vary_or_always_fails_has_no_indices():
+    constant, never = (sobol_of(lambda x, y=y: np.full(len(x), y), ANGLES, 8) for y in (2.0, np.nan))
+    assert constant.isna().all(axis=None)
+    assert never.isna().all(axis=None)
+
+
+@pytest.mark.parametrize(
+    ("ranges", "count", "message"),
+    [
+        (ANGLES, 1000, "need a power of 2, 8 or more, as count; got 1000: take 512"),
+        (ANGLES, 4, "got 4: take 8"),
+        (ANGLES, 2**19, "at most 2000000 points"),
+    ],
+)
+def test_impossible_counts_are_refused(ranges, count, message):
+    with pytest.raises(BadInput, match=message):
+        saltelli_points(ranges, count, 0)
+
+
+RANGES = {"a": (0.0, 2.0), "b": (-1.0, 1.0), "c": (10.0, 20.0)}
+
+
+def morris_of(function, ranges, count=10, seed=0):
+    points = trajectories(ranges, count, seed)
+    return effects(ranges, points, function(points), seed=seed)
+
+
+def linear(x):
+    return 3 * x[:, 0] - 4 * x[:, 1] + 0.1 * x[:, 2]
+
+
+def test_a_linear_function_has_its_slopes_over_the_ranges_as_effects():
+    result = morris_of(linear, RANGES, 5)
+    assert result["mu_star"].to_numpy() == pytest.approx([6.0, 8.0, 1.0], rel=1e-9)
+    assert result["mu"].to_numpy() == pytest.approx([6.0, -8.0, 1.0], rel=1e-9)
+    assert result["sigma"].to_numpy() == pytest.approx([0.0] * 3, abs=1e-9)
+
+
+def test_another_model_replaces_failed_values_in_the_estimate():
+    points = trajectories(RANGES, 10, 5)
+    values = linear(points)
+    lost = np.where(np.arange(len(values)) % 7 == 0, np.nan, values)
+    assert effects(RANGES, points, lost, values)["mu_star"].to_numpy() == pytest.approx([6.0, 8.0, 1.0], rel=1e-9)
+    assert effects(RANGES, points, lost, values)["mu_star_high"]["a"] > 6.1
+
+
+@pytest.mark.parametrize("count", [1, 1001])
+def test_impossible_numbers_of_trajectories_are_refused(count):
+    with pytest.raises(BadInput, match=f"from 2 to 1000 trajectories; got {count}"):
+        trajectories(RANGES, count, 0)
+
+
+def test_bounds_hold_for_every_filling_and_are_reached():
+    one, other = np.array([0.3, np.nan, 0.9, np.nan]), np.array([0.7, 0.4, np.nan, np.nan])
+    grid = np.linspace(0, 1, 11)
+    differences, spread = [], []
+    for a, b, c, d in itertools.product(grid, repeat=4):
+        x, y = np.array([0.3, a, 0.9, b]), np.array([0.7, 0.4, c, d])
+        differences.append((x - y) ** 2)
+        spread.append(np.r_[x, y].var())
+    least, most = squared_differences(one, other, 0.0, 1.0)
+    assert least == pytest.approx(np.min(differences, axis=0), abs=1e-12)
+    assert most == pytest.approx(np.max(differences, axis=0), abs=1e-12)
+    low, high = variances(np.r_[one, other], 0.0, 1.0)
+    assert low <= min(spread) < low + 1e-3
+    assert high == pytest.approx(max(spread))
+
+
+# Motions and outputs of many sensors
+
+
+DEPTH, SHEAR = np.array([[0.5, 1.0], [0.4, 0.8]]), np.array([[0.0, 0.3], [0.0, -0.3]])
+LONGER = Design(L=12.0, l0=10.2, E=0.5)
+
+
+def test_formulas_answer_each_sensor_and_load():
+    moved = motions("finite", [paper(), LONGER], DEPTH, SHEAR)
+    truth = beam.solve(LONGER, Load(0.8, -0.3, friction="stick"), "finite")
+    assert moved.values["force_x"][1, 1] == truth.force[0] < 0
+    assert moved.values["force_z"][1, 1] == truth.force[2]
+    assert moved.values["tilt"][1, 1] == truth.tilt
+    assert moved.values["shift_z"][0, 0] == beam.solve(paper(), Load(0.5), "finite").shift[2]
+    assert not moved.half_widths["force_z"].any()
+
+
+def test_the_surrogate_refuses_beyond_buckling_as_everywhere():
+    """A sheared slender beam gave a force against the shear, without a word."""
+    slender, load = Design(L=24.0, l0=22.0), Load(depth=2.0, shear_x=0.5, friction="stick")
+    moved = motions("surrogate", [slender, paper()], np.full((2, 2), 2.0), np.array([[0.5, 0.0], [0.5, -0.5]]))
+    for name in QUANTITIES:
+        assert np.isnan(moved.values[name][0]).all()
+        assert np.isnan(moved.half_widths[name][0]).all()
+    assert moved.refusals[0, 0] == surrogate_response.refusal(slender, load, "rigid")
+    assert "knows a press to stay stable to" in moved.refusals[0, 1]
+    assert moved.refusals[1].tolist() == ["", ""]
+    assert moved.values["force_x"][1, 0] == -moved.values["force_x"][1, 1] > 0
+
+
+def test_a_shear_along_y_turns_the_pose_of_one_along_x():
+    moved = motions("finite", [paper()], DEPTH[:1], SHEAR[:1])
+    (x, along_x), (y, along_y) = poses(moved.values), poses(moved.values, towards_y=True)
+    assert np.array_equal(y[..., 1], x[..., 0])
+    assert np.array_equal(
+        hall.rotated(np.array([0, 0, 1.0]), along_y)[..., 1], hall.rotated(np.array([0, 0, 1.0]), along_x)[..., 0]
+    )
+
+
+RANGES_BEAM_MOTIONS = {"E": (0.5, 2.0), "depth": (0.5, 1.0)}
+POINTS = np.array([[0.5, 1.0], [2.0, 0.5], [1.0, 0.001]])
+
+
+def test_outputs_are_those_of_each_case():
+    outputs, refusals = sampled_outputs("finite", paper(), RANGES_BEAM_MOTIONS, POINTS, Press(1.0, 0.2), sheared=True)
+    assert tuple(outputs) == names(paper(), sheared=True)
+    response = beam.solve(Design(E=2.0), Load(0.5, 0.2, friction="stick"), "finite")
+    assert outputs["force_x_N"][0][1] == response.force[0]
+    assert outputs["tilt_rad"][0][1] == response.tilt
+    assert outputs["S2_V"][0][1] == pytest.approx(hall.readings(paper(), response).V[1])
+    assert refusals == ("", "", "")
+
+
+def test_elements_keep_their_places_and_impossible_points_their_reason():
+    points = np.array([[8.0, 9.0, 0.5], [8.0, 11.0, 1.5], [20.0, 9.0, 1.0]])
+    ranges = {"D": (4, 20), "L": (8, 12), "depth": (0.5, 1.5)}
+    outputs, refusals = sampled_outputs("finite", paper(), ranges, points, Press(1.0, 0.2), sheared=True)
+    longer = Design(L=11.0, l0=9.2)
+    response = beam.solve(longer, Load(1.5, 0.2, friction="stick"), "finite")
+    assert outputs["S1_V"][0][1] == pytest.approx(hall.readings(longer, response).V[0])
+    assert np.isnan(outputs["force_N"][0]).tolist() == [False, False, True]
+    assert "L must exceed the tip radius" in refusals[2]
+
+
+@pytest.mark.parametrize("load", [(0.0, 0.0), (float("nan"), 0.0), (1.0, -0.1), (1.0, float("inf"))])
+def test_impossible_loads_are_refused(load):
+    with pytest.raises(BadInput, match="must be a finite number of mm"):
+        Press(*load)

@@ -2,7 +2,6 @@
 
 import contextlib
 import csv
-import dataclasses
 import io
 import json
 import math
@@ -11,7 +10,6 @@ import pytest
 from conftest import make_fast
 
 from studies.cli import commands
-from studies.inputs.user_input import read_design
 from studies.output import atomic_files
 from studies.sizing import conflicts, front_yield
 from studies.sizing.variant_search import Effort
@@ -172,25 +170,6 @@ def test_a_worst_load_is_what_solve_prints(sizing, capsys, monkeypatch):
         assert math.hypot(*state["force_N"][:2]) == pytest.approx(one["force_x_N"], rel=5e-3)
 
 
-def test_verbs_show_the_sizes_of_the_best_variant(sizing, capsys):
-    folder, _ = sizing
-    row = rows_of(folder / "front.csv")[0]
-    assert commands.run(["design", str(folder / "winner.toml"), "--json"]) == 0
-    sizes = json.loads(capsys.readouterr().out)["derived"]["assembled_size_mm"]
-    assert (sizes[0], sizes[2]) == pytest.approx((float(row["outer_size_mm"]), float(row["height_mm"])), rel=1e-5)
-
-
-def test_the_exported_recipe_is_that_of_the_chosen_silicone(sizing):
-    """Smooth-Sil 940 is mixed 100A:10B by weight; a batch mixed like another silicone would never cure."""
-    folder, err = sizing
-    recipe = (folder / "fabrication" / "README.md").read_text("utf-8")
-    assert "--silicone 'Smooth-Sil 940'" in recipe
-    assert "100A:10B by weight" in recipe
-    assert "Dragon Skin" not in recipe
-    assert "Masses are those of Smooth-Sil 940 with 1180 kg/m³" in recipe
-    assert err.splitlines()[-1].startswith("100 %")
-
-
 @pytest.mark.usefixtures("fast_cad")
 def test_the_design_file_of_the_best_variant_has_the_same_recipe(sizing, tmp_path, run, strict):
     """`cad winner.toml` alone names the silicone, its mix and its mass; one that no catalogue ships has no mix."""
@@ -236,12 +215,6 @@ def test_a_limit_that_rejects_every_candidate_is_named(tmp_path, capsys):
     needed = NEEDED.replace("Smooth-Sil 940", "soft") + 'catalogues = ["mine.toml"]\n'
     assert commands.run(size(tmp_path, needed, tmp_path / "store.db")) == 2
     assert "nu within 0.45 and 0.5; got 0.3" in capsys.readouterr().err
-
-
-def test_design_file_of_the_best_variant_is_a_design(sizing):
-    winner = json.loads((sizing[0] / "sizing.json").read_text("utf-8"))["winner"]
-    assert dataclasses.asdict(read_design(str(sizing[0] / "winner.toml"))) == winner["design"]
-    assert winner["magnet"]["name"] in (sizing[0] / "SIZING.md").read_text("utf-8")
 
 
 @pytest.mark.parametrize(

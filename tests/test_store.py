@@ -3,12 +3,10 @@
 import contextlib
 import os
 import re
-import signal
 import sqlite3
 import subprocess
 import sys
 import tempfile
-import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -29,67 +27,32 @@ def file(tmp_path):
     return tmp_path / "deep" / "solved.sqlite"
 
 
-def test_a_state_comes_back_to_the_last_bit(file):
+def test_a_state_comes_back_to_the_last_bit_and_replaces_that_at_the_same_position(file):
     with store.opened(file) as kept:
+        kept.add(PATH, [replace(PRESSED, outcome="transient", status="worker_died"), replace(PRESSED, depth=0.25)])
         kept.add(PATH, [PRESSED])
     with store.opened(file) as kept:
-        assert kept.states(PATH) == {(0.125, 0.0): PRESSED}
+        assert kept.states(PATH) == {(0.125, 0.0): PRESSED, (0.25, 0.0): replace(PRESSED, depth=0.25)}
         assert kept.states(PATH | {"physics": 2}) == {}
-        assert kept.counts() == (1, 1)
-
-
-def test_a_state_replaces_that_at_the_same_position(file):
-    with store.opened(file) as kept:
-        kept.add(PATH, [replace(PRESSED, outcome="transient", status="worker_died")])
-        kept.add(PATH, [PRESSED, replace(PRESSED, depth=0.25)])
-        assert kept.states(PATH)[0.125, 0.0] == PRESSED
         assert kept.counts() == (1, 2)
 
 
 def test_paths_are_added_in_one_transaction(file):
     with store.opened(file) as kept:
         kept.add_many(({"k": k}, [PRESSED]) for k in range(3))
-        assert kept.counts() == (3, 3)
         with pytest.raises(TypeError, match="plain values only; got object"):
             kept.add_many([({"k": 3}, [PRESSED]), ({"k": object()}, [PRESSED])])
         assert kept.counts() == (3, 3)
 
 
-def test_a_number_that_json_cannot_hold_is_null(file):
+def test_numbers_of_an_answer_may_be_unknown_those_of_its_position_may_not(file):
     with store.opened(file) as kept:
         kept.add(PATH, [replace(PRESSED, answer={"force": float("nan"), "shift": [float("inf")]})])
         assert kept.states(PATH)[0.125, 0.0].answer == {"force": None, "shift": [None]}
-
-
-def test_a_state_has_finite_numbers():
     with pytest.raises(ValueError, match="must be finite"):
         replace(PRESSED, shear=float("nan"))
-
-
-def test_whole_numbers_and_floats_are_one_case():
-    assert store.key({"L": 1}) == store.key({"L": 1.0})
-    assert store.key({"has_magnet": True}) != store.key({"has_magnet": 1.0})
-
-
-def test_a_process_that_is_killed_loses_nothing_that_was_added(file):
-    code = (
-        "import sys; from pathlib import Path; from studies.mechanics import store\n"
-        "with store.opened(Path(sys.argv[1])) as kept:\n"
-        "    for k in range(100000):\n"
-        "        kept.add({'k': k}, [store.State(0.1, 0.0, 'ok', 'ok', {}, 0.0, '')])\n"
-        "        print(k, flush=True)\n"
-    )
-    with subprocess.Popen([sys.executable, "-c", code, str(file)], cwd=ROOT, stdout=subprocess.PIPE) as process:
-        while process.stdout.readline() != b"20\n":
-            pass
-        time.sleep(0.01)
-        os.kill(process.pid, signal.SIGKILL)
-        told = [int(line) for line in process.stdout.read().splitlines() if line]
-    assert file.with_name("solved.sqlite-wal").stat().st_size > 0
-    with store.opened(file) as kept:
-        last = max([20, *told])
-        assert all(kept.states({"k": k}) for k in range(last + 1))
-        assert kept.counts()[0] <= last + 2
+    # whole numbers and floats are one case
+    assert store.key({"L": 1}) == store.key({"L": 1.0}) != store.key({"L": True})
 
 
 def test_a_store_that_another_process_blocks_is_read_and_takes_a_state_later(file, monkeypatch, refused):
@@ -145,15 +108,9 @@ def changed(file, statement, *values):
     ("column", "value"),
     [
         ("answer", '{"force": 99.0, "tilt": null}'),
-        ("answer", "[]"),
         ("answer", b"\xff\xfe"),
         ("status", "unstable"),
-        ("outcome", "failed"),
         ("depth", 0.25),
-        ("shear", 0.5),
-        ("seconds", "soon"),
-        ("versions", b"\xff"),
-        ("added", "2020-01-01T00:00:00+00:00"),
         ("digest", "0"),
         ("path", 2),
     ],
@@ -200,7 +157,6 @@ def test_files_that_are_no_stores_are_refused(file, refused):
         ("UPDATE about SET value = '99'", "has format 99"),
         ("DELETE FROM about", "its format is ''"),
         # answers of earlier formats have no digests, and their failures may be errors of magtip
-        ("UPDATE about SET value = '1'", "has format 1 of an earlier version.*move it away"),
         ("UPDATE about SET value = '2'", "has format 2 of an earlier version.*move it away"),
     ],
 )
@@ -228,15 +184,12 @@ def test_a_store_of_the_format_before_is_read_and_filled(file):
         assert kept.states(PATH) == {(0.125, 0.0): PRESSED}
 
 
-def test_reading_makes_no_file(file, refused):
+def test_reading_makes_no_file_and_changes_none(file, refused):
     with refused("there is no store", "magtip sweep makes one"), store.readable(file):
         pass
     assert not file.exists()
-
-
-def test_what_is_read_cannot_be_changed(file):
-    with store.opened(file) as kept:
-        kept.add(PATH, [PRESSED])
+    with store.opened(file):
+        pass
     with pytest.raises(ValueError, match="is read-only"), store.readable(file) as connection:
         connection.execute("DELETE FROM state")
 
@@ -283,20 +236,10 @@ def test_a_store_in_a_folder_without_rights_is_read_and_not_opened(without_right
         with refused("cannot be opened|cannot be used"), store.opened(folder / "new.sqlite"):
             pass
     assert [path.name for path in folder.iterdir()] == ["solved.sqlite"]
-
-
-@pytest.mark.skipif(os.name != "posix", reason="modes of files are those of POSIX")
-def test_a_file_without_rights_in_a_writable_folder_is_refused_to_write(without_rights, refused):
-    folder, powerless = without_rights
-    file = folder / "solved.sqlite"
-    with store.opened(file):
-        pass
+    # a file that cannot be written in a folder that can
     folder.chmod(0o777)
-    with powerless(file):
-        with refused("is read-only"), store.opened(file):
-            pass
-        with store.readable(file) as connection:
-            assert connection.execute("SELECT COUNT(*) FROM state").fetchone() == (0,)
+    with powerless(file), refused("is read-only"), store.opened(file):
+        pass
 
 
 @pytest.fixture

@@ -22,11 +22,10 @@ from browser import opened, said, wait
 from numpy.testing import assert_allclose
 
 import studies
-from analytic import decode, time_series
 from analytic.inverse import forward_model
 from geometry.design import BadInput, Design, paper
 from studies.cli import commands
-from studies.streaming import frames, live_stream, sources
+from studies.streaming import frames, live_stream
 
 RECORDING = Path(studies.__file__).parent / "examples" / "recording.csv"
 CHIPS = 2
@@ -104,66 +103,11 @@ def test_cut_doubled_and_foreign_bytes_give_no_wrong_frame(layout):
     assert reader.lost > 0
 
 
-def test_noise_without_frames_is_not_kept():
-    reader = frames.Frames("anyskin", 5)
-    for _ in range(50):
-        assert reader.feed(random.Random(3).randbytes(1000).replace(b"\r", b"")) == []
-    assert reader.skipped > 45_000
-    assert len(reader._rest) <= frames.LONGEST
-
-
-def test_counts_go_on_where_they_begin_again():
-    reader, values = frames.Frames("aa", 1, (2.0, 3.0)), [32_000, 32_767, 32_900, 33_100]
-    data = b"".join(b"\xaa" + struct.pack(">3H", *[0xFFFF - v] * 3) for v in values)
-    found = reader.feed(data) + reader.feed(b"", idle=True)
-    assert found == [(2.0 * v, 2.0 * v, 3.0 * v) for v in values]
-
-
-def test_counts_begin_near_the_field_at_rest():
-    """A chip under the magnet sees 20 mT, four times what 16 bits of 0.15 uT hold."""
-    design = Design(hall_layout="tmag5273a1", chip_x=1.0)
-    options = live_stream.Streaming(port="-", frames="aa", axes="y,-x,z")
-    rest = live_stream.rest_in_frames(design, options, 1)
-    assert max(map(abs, rest)) > 0.15 * 2**16
-    counts = [round(v / frames.LSB[k == 2]) & 0xFFFF for k, v in enumerate(rest)]
-    reader = frames.Frames("aa", 1)
-    reader.begin_near(rest)
-    frame = b"\xaa" + struct.pack(">3H", *(0xFFFF - c for c in counts))
-    found = reader.feed(3 * frame)[0]
-    assert found == pytest.approx(rest, abs=0.2)
-    x, y, _ = live_stream.reader(design, options)(found)
-    field = forward_model.readings_at(forward_model.model(design), np.zeros((3, 1)))[:, 0]
-    assert (x, y) == pytest.approx(field[:2], abs=2e-7)
-
-
-def test_a_stream_without_rows_leaves_no_file(capsys, tmp_path):
-    assert streamed(capsys, "--port", RECORDING, "--speed", 0, "--zero", 1e6, "--out", tmp_path / "rows.csv")[0] == 3
-    assert not list(tmp_path.iterdir())
-
-
 def test_a_checksum_is_needed_once_lines_have_it():
     reader = frames.Frames("lines", 2)
     good = [with_sum(f"{k},1") for k in range(6)]
     assert reader.feed(b"\n1,2\n5*zz\n" + b"".join(good[:3])) == [(1.0, 2.0), (0.0, 1.0), (1.0, 1.0), (2.0, 1.0)]
     assert reader.feed(b"3,1\n" + good[4].replace(b"4", b"7") + good[5]) == [(5.0, 1.0)]
-
-
-def test_single_wrong_row_is_a_jump_and_the_way_back_is_none():
-    coder = decode.decoder(paper())
-    steady = forward_model.readings_with_slopes(coder.forward, np.zeros((3, 1)))[0][:, 0]
-    checks, chance = time_series.RowChecks(coder), np.random.default_rng(4)
-    offsets = [0.0] * 20 + [0.01] + [0.0] * 3 + [0.01] * 3
-    words = [checks.word(0.01 * k, steady + off + 1e-6 * chance.normal(size=3)) for k, off in enumerate(offsets)]
-    assert [k for k, word in enumerate(words) if word == "jump"] == [20, 24]
-
-
-def test_rows_that_arrive_late_are_no_gap():
-    coder = decode.decoder(paper())
-    checks, late = time_series.RowChecks(coder), time_series.RowChecks(coder, jitter=0.02)
-    row = np.array([0.01, 0.02, 0.03])
-    times = [*np.arange(20) * 0.001, 0.030]
-    words = [[each.word(t, row + 1e-6 * k) for k, t in enumerate(times)][-1] for each in (checks, late)]
-    assert words == ["after_gap", "ok"]
 
 
 def streamed(capsys, *options):
@@ -267,38 +211,10 @@ def test_a_zero_needs_a_number_of_each_element():
     assert not live.zero_asked
 
 
-def test_a_row_that_a_recording_lacks_is_a_gap_and_one_that_arrives_late_is_none():
-    times = [*(0.01 * k for k in range(20)), 0.22]
-    rows = [(t, (2.871 + 1e-4 * (k % 3), 2.793, 2.793)) for k, t in enumerate(times)]
-    words = [
-        live_stream.Live(paper(), live_stream.Streaming(port=port, level="finite")).rows(rows)[-1]["status"]
-        for port in (str(RECORDING), "-")
-    ]
-    assert words[0] == "after_gap"
-    assert words[1] != "after_gap"
-
-
 def test_a_zero_beyond_the_end_is_said(run):
     status, _, err = run("stream", "paper", "--port", RECORDING, "--speed", "0", "--zero", "9")
     assert status == 3
     assert "the stream ended before --zero 9 s" in err
-
-
-def test_a_stream_that_is_asked_to_end_is_complete():
-    with live_stream._ended_by_signals():
-        os.kill(os.getpid(), signal.SIGTERM)
-        pytest.fail("the stream goes on")
-    assert signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
-
-
-def test_frames_that_come_together_are_spread_over_the_time_since_the_last():
-    port = sources.Port("-", frames.Frames("lines", 1))
-    port._timed([])
-    assert port._timed([(1.0,)]) == [(0.0, (1.0,))]
-    port._begun -= 1.0
-    times = [moment for moment, _ in port._timed([(2.0,)] * 4)]
-    assert_allclose(np.diff(times), times[0], rtol=1e-6)
-    assert times[-1] == pytest.approx(1.0, abs=0.1)
 
 
 def test_record_is_read_by_another_library(capsys, tmp_path):
@@ -391,13 +307,9 @@ def test_ros_package_is_whole_and_its_feed_is_the_stream(package, capsys):
          "mirrors the chip"),
         (["--port", "-", "--axes", "x,x,z", *chip], "--axes names the chip's axis along x, y and z"),
         (["--port", "-", "--chips", "1,2", *chip], "--chips names the 1 chips of the frame"),
-        (["--port", "-", "--chips", "3", "--frame-chips", "2", *chip], "is beyond the 2 chips of a frame"),
-        (["--port", "-", "--lsb", "1", *chip], "--lsb takes two numbers"),
         (["--port", "-", "--clock", "ms", *chip], "--clock has no meaning for frames of aa"),
         (["--port", RECORDING, "--clock", "ms"], "--clock has no meaning for a table that is replayed"),
-        (["--port", RECORDING, "--no-browser"], "--no-browser works with --page only"),
         (["--port", RECORDING, "--zero", "-1"], "--zero must be a time of 0 s or more; got -1"),
-        (["--port", "/tmp"], "is a folder"),
     ],
 )  # fmt: skip
 def test_bad_input_is_one_sentence(options, sentence, capsys):

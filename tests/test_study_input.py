@@ -6,12 +6,8 @@ import math
 import pytest
 
 from geometry.design import BadInput, Design, paper
-from studies.inputs.study_input import is_study, parse_axes, read_study, study_design
+from studies.inputs.study_input import parse_axes, read_study, study_design
 from studies.inputs.user_input import fabrication_of, quantity, read_design
-
-
-def test_axes():
-    assert parse_axes(["D=6,8, 10", "depth=0.5,1"]) == {"D": [6.0, 8.0, 10.0], "depth": [0.5, 1.0]}
 
 
 @pytest.mark.parametrize(
@@ -19,12 +15,9 @@ def test_axes():
     [
         ([], ["needs an axis"]),
         (["D"], ["NAME=a,b,c"]),
-        (["D="], ["axis D is empty"]),
         (["D=1,,2"], ["axis D must be a finite number"]),
-        (["D=6,x"], ["axis D", "'x'"]),
         (["D=6,nan"], ["axis D", "got nan"]),
         (["D=6,6.0"], ["axis D lists a value twice"]),
-        (["D=6", "D=7"], ["axis D is given twice"]),
         (["dephts=1"], ["'dephts'", "did you mean depth"]),
         (["prony=1"], ["prony is a text and no axis: state it in the design, or vary loss_factor"]),
         (["zzz=1"], ["there is no axis 'zzz'", "such as D, L, f, E, depth, shear"]),
@@ -32,16 +25,12 @@ def test_axes():
             ["law=yeoh,steel"],
             ["every value of axis law must be neo-hookean, mooney-rivlin, yeoh or ogden", "'steel'"],
         ),
-        (["law=1"], ["every value of axis law must be neo-hookean", "got 1"]),
         (["friction=glue"], ["every value of axis friction must be none, stick or a number", "'glue'"]),
-        (["friction=-1"], ["every value of axis friction must be at least 0", "-1"]),
         (["plate_tilt=50"], ["axis plate_tilt must lie between -40 and 40 deg; got 50"]),
         (["D=lin:6:10"], ["axis D must read a,b,c or lin:START:STOP:COUNT", "'lin:6:10'"]),
         (["D=lin:6:10:2.5"], ["the count of linspace must be a whole number from 2"]),
         (["D=log:0:10:3"], ["start and stop of logspace must be more than 0"]),
-        (["D=lin:6:nan:3"], ["start and stop of linspace must be finite"]),
         (["D=6,-1"], ["axis D must lie between 0.1 and 200", "-1"]),
-        (["depth=0"], ["axis depth must be more than 0 mm"]),
     ],
 )
 def test_bad_axes(axes, parts, refused):
@@ -52,27 +41,11 @@ def test_bad_axes(axes, parts, refused):
 STUDY = 'design = "paper"\nmagnet = "rigid"\n[axes]\nD = [6, 8, 10]\nE = [0.5, 1, 2]\ndepth = [0.5, 1, 2]\n'
 
 
-def test_study(toml):
-    path = toml(STUDY, "study.toml")
-    study = read_study(path)
-    assert study.axes == {"D": [6.0, 8.0, 10.0], "E": [0.5, 1.0, 2.0], "depth": [0.5, 1.0, 2.0]}
-    assert (study.design, study.magnet, study.load, study.accuracy) == ("paper", "rigid", {}, None)
-    assert all(isinstance(value, float) for values in study.axes.values() for value in values)
-    assert study_design(study) == paper()
-    assert is_study(path)
-    assert not is_study("paper")
-
-
 def test_study_finds_its_design_beside_it(toml):
     toml("D = 10\nL = 12", "sensor.toml")
     study = read_study(toml('design = "sensor.toml"\ndepth = 1\n[axes]\nf = [5, 6]', "study.toml"))
     assert study_design(study, ["E=2"]) == Design(D=10.0, L=12.0, E=2.0)
     assert study.load == {"depth": 1.0}
-
-
-def test_study_with_a_table_as_design(toml):
-    study = read_study(toml("[design]\nD = 10\nL = 12\n[axes]\nf = [5, 6]", "study.toml"))
-    assert study_design(study) == Design(D=10.0, L=12.0)
 
 
 @pytest.mark.parametrize(
@@ -83,13 +56,8 @@ def test_study_with_a_table_as_design(toml):
         ("axes = 3", ["axes must be a table"]),
         ("[axes]\nD = 3", ["axis D must be a list of values"]),
         ("[axes]\nD = [3, true]", ["axis D must be a list of numbers"]),
-        ("[axes]\nD = [3, nan]", ["axis D must be a finite number"]),
-        ("[axes]\nD = []", ["axis D is empty"]),
-        ("[axes]\nd = [1]", ["'d'", "did you mean"]),
-        ('[axes]\nlaw = ["steel"]', ["every value of axis law must be neo-hookean", "'steel'"]),
         ("[axes]\nD = {steps = [1, 2, 3]}", ["axis D: a table has one key, linspace or logspace"]),
         ("[axes]\nD = {linspace = [1, 2]}", ["linspace takes three numbers, start, stop and count"]),
-        ("version = 'x'\n[axes]\nD = [3]", ["version must be a whole number from 1 to 2; got 'x'"]),
         ("version = true\n[axes]\nD = [3]", ["version must be a whole number from 1 to 2; got True"]),
         (
             "version = 3\n[axes]\nD = [3]",
@@ -100,25 +68,17 @@ def test_study_with_a_table_as_design(toml):
         ("depth = 1\n[load]\ndepth = 1\n[axes]\nD = [3]", [r"depth is given twice, alone and in \[load\]"]),
         ('quantities = ["forces"]\n[axes]\nD = [3]', ["there is no quantity 'forces'", "force, shift"]),
         ("[[zipped]]\nL = [9, 12]\nl0 = [7]", ["the same number of values", "L has 2, l0 has 1"]),
-        ("models = []\n[axes]\nD = [3]", ["models is empty"]),
         ("quantities = []\n[axes]\nD = [3]", ["quantities is empty"]),
-        ("[[zipped]]", ["the same number of values", "there is none"]),
         ("[[zipped]]\nL = [9, 9]\nD = [7, 7]", ["the zipped axes L, D list a point twice"]),
         ("[axes]\nL = [9]\n[[zipped]]\nL = [9, 12]", ["L varies twice"]),
         ("[sample]\ncount = 4", ["there are no ranges", r"\[sample.ranges\]"]),
         ("[sample]\ncount = 6\n[sample.ranges]\nD = [6, 8]", ["a power of 2 as count; got 6: take 4 or 8"]),
         ('[sample]\nmethod = "grid"\ncount = 4\n[sample.ranges]\nD = [6, 8]', ["latin-hypercube or sobol", "'grid'"]),
-        ("[sample]\ncount = 4\n[sample.ranges]\nD = [8, 6]", ["low < high"]),
         ("[sample]\ncount = 4\n[sample.ranges]\nlaw = [1, 2]", ["law has names, not numbers"]),
-        ('[sample]\ncount = 4\nlog = ["shear"]\n[sample.ranges]\nshear = [0, 1]', ["must begin above 0"]),
-        ("[sample]\ncount = 0\n[sample.ranges]\nD = [6, 8]", ["count must be a whole number from 1"]),
         ("axis = 3\n[axes]\nD = [3]", ["'axis'", "did you mean axes"]),
         ('magnet = "soft"\n[axes]\nD = [3]', ["magnet must be 'rigid' or 'ignored'", "soft"]),
         ('accuracy = "best"\n[axes]\nD = [3]', ["accuracy must be 'quick', 'standard' or 'fine'"]),
-        ("depth = -1\n[axes]\nD = [3]", ["depth must be more than 0 mm; got -1"]),
-        ("depth = true\n[axes]\nD = [3]", ["depth must be a number"]),
         ("design = 3\n[axes]\nD = [3]", ["design must be"]),
-        ("[design]\nDD = 3\n[axes]\nD = [3]", ["'DD'", "did you mean D"]),
     ],
 )
 def test_bad_studies(toml, text, parts, refused):
@@ -173,13 +133,6 @@ def test_a_study_of_everything(toml):
     assert read_study(toml(FULL, "study.toml")).axes == study.axes
 
 
-def test_sobol_points_fill_every_cell_of_a_grid(toml):
-    text = "[sample]\ncount = 16\n[sample.ranges]\nD = [6, 10]\nL = [9, 13]"
-    axes = read_study(toml(text, "study.toml")).axes
-    cells = {(int(D) - 6, int(L) - 9) for D, L in zip(axes["D"], axes["L"], strict=True)}
-    assert len(cells) == 16
-
-
 # Numbers with units: what is converted, and one sentence for everything else.
 
 
@@ -187,30 +140,19 @@ def test_sobol_points_fill_every_cell_of_a_grid(toml):
     ("value", "unit", "result"),
     [
         (5, "N", 5.0),
-        ("5", "N", 5.0),
         ("5 mN", "N", 0.005),
         ("1e3mN", "N", 1.0),
         (" .5  kN ", "N", 500.0),
         ("2 cm", "mm", 20.0),
         ("50 µm", "mm", 0.05),
-        ("40 %", "1", 0.4),
-        (0.4, "1", 0.4),
         ("750 kPa", "MPa", 0.75),
-        ("12 kG", "T", 1.2),
         ("3.125 mV/G", "V/T", 31.25),
-        ("31.25 mV/mT", "V/T", 31.25),
         ("130 nT/sqrt(Hz)", "T/sqrt(Hz)", 130e-9),
         ("1.03 g/cm3", "kg/m3", 1030.0),
-        ("30 min", "h", 0.5),
     ],
 )
 def test_value(value, unit, result):
     assert quantity("x", value, unit) == pytest.approx(result, rel=1e-15)
-
-
-@pytest.mark.parametrize("value", ["5 mN", "7 mN", "3 mN"])
-def test_decimal_prefixes_leave_no_rounding(value):
-    assert quantity("x", value, "N") == float(value[0]) / 1000
 
 
 @pytest.mark.parametrize(
@@ -218,15 +160,10 @@ def test_decimal_prefixes_leave_no_rounding(value):
     [
         ("5 n", "N", ["x: 'n' is no unit for it", "did you mean N"]),
         ("5 kg", "N", ["'kg' is no unit", "choose one of N, mN, kN"]),
-        ("5 N", "mm", ["'N' is no unit", "choose one of mm"]),
-        ("5 m m", "mm", ["'m m' is no unit"]),
         ("five", "N", ["x must be a number in N, such as 5 or \"5 N\"; got 'five'"]),
-        ("", "N", ["must be a number in N"]),
         ("nan", "N", ["must be a number in N"]),
-        (float("inf"), "N", ["must be a number in N"]),
         (float("nan"), "N", ["must be a number in N"]),
         (True, "N", ["must be a number in N", "True"]),
-        ([5], "N", ["must be a number in N"]),
         (40, "1", ["x must lie between 0 and 5; got 40: write 40 % as 0.4"]),
         (-1, "N", ["x must lie between 0 and 5 N; got -1 N"]),
         ("6 kN", "N", ["x must lie between 0 and 5 N; got 6000 N"]),
@@ -256,15 +193,9 @@ def test_file_fills_from_the_preset(toml):
     ("sets", "parts"),
     [
         (["magnet_hieght=3"], ["did you mean magnet_height"]),
-        (["d=3"], ["did you mean D"]),
         (["qqqqqq=3"], ["choose one of D, L, f, E"]),
         (["D"], ["KEY=VALUE", "'D'"]),
-        (["=3"], ["KEY=VALUE"]),
-        (["D="], ["D must be a finite number"]),
-        (["D=8mm"], ["D must be a finite number", "8mm"]),
         (["D=nan"], ["D must be a finite number", "nan"]),
-        (["D=-inf"], ["D must be a finite number"]),
-        (["D=1e999"], ["D must be a finite number"]),
         (["D=True"], ["D must be a finite number"]),
         (["D=-8"], ["D must lie between 0.1 and 200 mm; got -8 mm"]),
         (["magnet_diameter=7.9"], ["mm of silicone around it"]),
@@ -282,19 +213,12 @@ def test_bad_overrides(sets, parts, refused):
         ("D = true", ["D must be a number", "True"]),
         ('D = "8"', ["D must be a number", "'8'"]),
         ("D = nan", ["D must be a finite number"]),
-        ("D = inf", ["D must be a finite number"]),
-        ("D = [8]", ["D must be a number"]),
-        ("[D]\nx = 1", ["D must be a number"]),
-        ("D = 1979-05-27", ["D must be a number"]),
         ("D = 1" + "0" * 400, ["D must"]),
-        ("D = -8", ["D must lie between"]),
-        ("D = 8\nL = = 9", ["not valid TOML", "line 2"]),
         ("D = 8\nD = 9", ["not valid TOML", "line 2"]),
         ("D = " + "[" * 5000, ["not valid TOML"]),
         ('base = "papre"', ["'papre'", "did you mean paper"]),
         ("base = 3", ["base must be a string"]),
         (b"D = 8 # \xff", ["not UTF-8"]),
-        (b"\x00\x01", ["not valid TOML"]),
     ],
 )
 def test_bad_files(toml, text, parts, refused):
@@ -317,23 +241,12 @@ def test_no_file(source, parts, refused):
         read_design(source)
 
 
-def test_folder_instead_of_file(tmp_path, refused):
-    with refused("is a folder"):
-        read_design(str(tmp_path))
-
-
 def test_ignored_magnet_need_not_fit(refused):
     small = read_design("paper", ["D=3"], magnet="ignored")
     assert (small.D, small.magnet_diameter, small.magnet_height) == (3.0, 0.0, 0.0)
     assert read_design("paper", magnet="ignored") == paper()
     with refused("silicone around it"):
         read_design("paper", ["D=3"])
-
-
-@pytest.mark.parametrize("sets", [["magnet_height=-1"], ["D=3", "L=1"], ["magnet_diameter=300"]])
-def test_ignored_magnet_hides_no_other_fault(sets, refused):
-    with refused("must"):
-        read_design("paper", sets, magnet="ignored")
 
 
 def test_law_by_option_and_by_file(tmp_path):

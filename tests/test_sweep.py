@@ -1,4 +1,4 @@
-"""Sweeps: every case is a row, in order; alike problems share a solve; what is solved or has failed is kept."""
+"""Sweeps: what is asked for, rows of all cases, shared solves, and what is solved or has failed is kept."""
 
 import csv
 import itertools
@@ -13,18 +13,20 @@ from stores import temporary
 
 from analytic import beam, hall
 from fem import equilibrium
-from fem.accuracy import QUICK
+from fem.accuracy import FINE, QUICK, STANDARD
 from fem.physics_version import PHYSICS
 from geometry.bad_input import MeshError, SolveFailed
-from geometry.design import BadInput, Design, paper
+from geometry.design import Design, paper
 from geometry.loads import Load
 from studies.inputs import study_input
+from studies.inputs.option_groups import Sweep
 from studies.inputs.study_input import Factor, grid
 from studies.mechanics import solve_plan
 from studies.mechanics.solve_plan import Processes
-from studies.mechanics.study_cases import FemModel, Plan, varied
+from studies.mechanics.study_cases import FemModel, Plan
 from studies.sweeps import sweep
 from studies.sweeps.study_rows import flat_rows
+from studies.sweeps.sweep import Shown
 
 BARE = Design(magnet_diameter=0.0, magnet_height=0.0)
 PRESS = ("force", "shift", "contact_radius", "readings")
@@ -98,12 +100,6 @@ def test_E_and_f_need_one_solve_and_the_figures_follow_them(traced):
     assert soft["force_error_percent"] == pytest.approx(100 * (formula.force[2] / pose.force[2] - 1), rel=1e-9)
 
 
-def test_a_refusal_speaks_of_what_was_given():
-    for fields, reason in (({"D": 50.0}, "L must exceed"), ({"D": 8.0, "L": 4.5}, "S1")):
-        with pytest.raises(BadInput, match=reason):
-            varied(replace(BARE, l0=2.0), fields)
-
-
 def test_cases_that_cannot_be_solved_stay_rows():
     axes = {"D": [3.0, 8.0], "depth": [1.0, 7.0]}
     rows = run(paper(), axes)
@@ -117,37 +113,12 @@ def test_cases_that_cannot_be_solved_stay_rows():
         )
 
 
-def test_the_formulas_end_at_the_tip_radius():
-    rows = run(BARE, {"depth": [1.0, 4.2]}, magnet="ignored")
-    # so deep a press would buckle sideways, and keeps its numbers
-    assert [row["status"] for row in rows] == ["ok", "unstable"]
-    assert math.isfinite(rows[1]["fem_force_N"])
-    assert math.isnan(rows[1]["analytic_force_N"])
-    assert math.isnan(rows[1]["force_error_percent"])
-    assert "D/2" in rows[1]["message"]
-
-
-def test_progress_never_falls_and_stays_within_its_range():
-    shares = []
-    plan = plan_of(BARE, {"L": [9.0, 10.0]}, {"depth": 0.5}, magnet="ignored")
-    with temporary() as kept:
-        list(sweep.run(plan, None, kept, processes=Processes(0), progress=lambda f, _: shares.append(f)))
-    assert shares == sorted(shares)
-    assert 0 <= shares[0] <= shares[-1] <= 1
-
-
 def test_designs_of_different_laws_do_not_share_a_solve(traced):
     """Numbers of a law that the design does not have make no difference."""
     points = [("neo-hookean", 0.0, 0.0), ("neo-hookean", 1.0, 0.0), ("yeoh", 0.0, 0.0), ("yeoh", 1.0, 0.0)]
     points += [("yeoh", 1.0, 1.0)]
     run(BARE, (Factor(("law", "yeoh_2", "yeoh_3"), tuple(zip(*points, strict=True))),), {"depth": 0.2})
     assert len(traced) == 4
-
-
-def test_a_sweep_of_too_many_cases_is_refused_before_it_starts():
-    many = [0.5 + k / 1e5 for k in range(20_000)]
-    with pytest.raises(BadInput, match="400000000"):
-        run(paper(), {"D": many, "depth": many})
 
 
 AXES = {"L": [9.0, 10.0], "depth": [0.5, 1.0]}
@@ -176,13 +147,6 @@ def test_a_sweep_takes_from_the_store_what_it_has_and_solves_what_is_missing(tra
     assert [len(args[1]) for args in traced] == [2, 2, 1, 3]
     figures = [name for name in first[0] if name not in ("solve", "seconds")]
     assert [str(other[2][name]) for name in figures] == [str(first[3][name]) for name in figures]
-
-
-def test_a_sweep_that_was_interrupted_before_its_first_solve_claims_nothing(kept, monkeypatch):
-    monkeypatch.setattr(equilibrium, "trace", interrupted)
-    with pytest.raises(KeyboardInterrupt, match=r"^nothing new is solved yet: the same command starts"):
-        run(BARE, AXES, kept=kept)
-    assert kept.counts() == (0, 0)
 
 
 def test_a_case_that_fails_is_kept_and_not_tried_again(kept, traced):
@@ -250,18 +214,6 @@ def test_loads_of_all_kinds_have_rows_of_their_own():
         assert row["fem_tilt_rad"] == pytest.approx(own.tilt, rel=1e-9)
 
 
-def test_models_stand_side_by_side(traced):
-    fem = (FemModel("quick", replace(QUICK, section_size=0.3)), FemModel("standard", QUICK))
-    (row,) = run(BARE, {"depth": [0.5]}, fem=fem, formulas=("paper", "finite"), magnet="ignored")
-    assert len(traced) == 2
-    truth = row["fem_standard_force_N"]
-    for model in ("fem_quick", "analytic_paper", "analytic_finite"):
-        error = 100 * (row[f"{model}_force_N"] / truth - 1)
-        assert row[f"{model}_force_error_percent"] == pytest.approx(error, rel=1e-9)
-    assert row["analytic_finite_force_N"] == beam.solve(BARE, Load(depth=0.5), "finite").force[2]
-    assert "fem_standard_force_error_percent" not in row
-
-
 def test_critical_depth_and_modes_scale_with_the_design(traced, kept):
     from fem.analyses.modes import modes
     from fem.analyses.stability import critical
@@ -313,13 +265,6 @@ def test_impossible_hall_elements_spoil_only_their_own_cases(axis, values):
     assert right["fem_S1_mT"] == alone["fem_S1_mT"]
 
 
-def test_a_case_that_no_formula_describes_is_not_ok():
-    upright, tilted = run(paper(), {"plate_tilt": [0.0, 5.0]}, {"depth": 0.5}, fem=())
-    assert upright["status"] == "ok"
-    assert (tilted["status"], math.isnan(tilted["analytic_force_N"])) == ("bad_input", True)
-    assert "no formula" in tilted["message"]
-
-
 def dies(task):
     """A solve whose process dies for beams of 10 mm."""
     if task.scene.design.L == 10.0:
@@ -352,7 +297,7 @@ KINDS = {
 
 
 @pytest.mark.parametrize("quantity", KINDS)
-@pytest.mark.parametrize("error", [MeshError, SolveFailed, ValueError])
+@pytest.mark.parametrize("error", [MeshError, ValueError])
 def test_what_cannot_be_solved_is_kept_and_a_bug_ends_the_sweep(quantity, error, kept, monkeypatch):
     def fails(*args, **kwargs):
         raise error("why")
@@ -391,16 +336,6 @@ def test_rows_have_the_error_estimates_of_solve():
     assert [row[name] for name in names] == [own.force, own.shift, own.tilt, own.sideways]
 
 
-def test_the_table_of_an_earlier_sweep_does_not_stay_beside_the_new_one(tmp_path, kept, monkeypatch):
-    run(BARE, {"depth": [0.5]}, folder=tmp_path, kept=kept)
-    with monkeypatch.context() as patch:
-        patch.setattr(sweep, "LARGE", 0)
-        run(BARE, {"depth": [0.5]}, folder=tmp_path, kept=kept)
-    assert sorted(path.name for path in tmp_path.glob("sweep.*")) == ["sweep.parquet", "sweep.png"]
-    run(BARE, {"depth": [0.5]}, folder=tmp_path, kept=kept)
-    assert sorted(path.name for path in tmp_path.glob("sweep.*")) == ["sweep.csv", "sweep.png"]
-
-
 def test_states_that_are_removed_during_a_sweep_end_it_with_a_sentence(kept, refused):
     run(BARE, {"L": [9.0, 11.0], "depth": [0.5]}, kept=kept)
     batches = sweep.run(plan_of(BARE, {"L": [9.0, 10.0, 11.0]}, {"depth": 0.5}), None, kept, processes=Processes(0))
@@ -429,38 +364,130 @@ def test_layouts_have_columns_of_their_own():
     assert chip["fem_chip_-z_mT"] == three["fem_S1_mT"]
 
 
-def test_each_number_of_chips_has_columns_of_its_own():
-    design = replace(paper(), hall_layout="tmag5273a1", chip_x=3.0, l0=7.5)
-    one, three = run(design, {"chip_count": [1, 3]}, {"depth": 0.5}, quantities=READ)
-    assert one["fem_chip_-z_mT"] == three["fem_chip1_-z_mT"]
-    assert three["fem_chip3_y_mT"] == pytest.approx(-three["fem_chip2_y_mT"])
-    assert math.isnan(one["fem_chip1_-z_mT"])
-    assert math.isnan(three["fem_chip_-z_mT"])
+# A sweep as options and a study file ask for it: what is taken from where, and what contradicts what.
 
 
-def test_an_impossible_sensor_has_no_readings():
-    """Its mechanics are those of the others, but a null beyond the rail is refused."""
-    possible, impossible = run(paper(), {"hall_null": [2.5, 9.0]}, {"depth": 0.5}, quantities=READ)
-    assert math.isfinite(possible["fem_S1_V"])
-    assert (impossible["status"], math.isnan(impossible["fem_S1_V"])) == ("bad_input", True)
-    assert math.isnan(impossible["fem_force_N"])
-    assert "hall_low, hall_null and hall_high must rise" in impossible["message"]
+def asked(axis=None, sets=(), **more):
+    return Sweep(axis=axis, **more), sets
 
 
-def test_gains_change_the_output_and_not_the_field():
-    low, high = run(paper(), {"hall_gain": [20.0, 40.0]}, {"depth": 0.5}, quantities=READ)
-    assert low["fem_S1_mT"] == high["fem_S1_mT"]
-    assert high["fem_S1_V"] - 2.5 == pytest.approx(2 * (low["fem_S1_V"] - 2.5), rel=1e-9)
+def asked_plan(source, options):
+    return sweep.plan_of(source, *options)
 
 
-def test_decoded_forces_without_a_pose_are_empty():
-    """The sensor saturates: no pose, so no force."""
-    (row,) = run(
-        paper(),
-        {"hall_gain": [1000.0]},
-        {"depth": 0.5},
-        quantities=("force", "decoded_force_error"),
-        formulas=("finite",),
-    )
-    assert math.isfinite(row["fem_force_N"])
-    assert math.isnan(row["decoded_force_N"])
+def idle_axes(rows, plan, *, whole):
+    shown = Shown(plan)
+    shown.rows, shown.count = rows, len(rows)
+    return sweep.idle_axes(shown, whole=whole)
+
+
+STUDY = 'depth = 1\naccuracy = "fine"\nmagnet = "ignored"\n[axes]\nD = [3, 8]\n'
+
+
+def test_a_study_file_gives_everything(toml):
+    plan = asked_plan(toml(STUDY, "study.toml"), asked(sets=["E=2"]))
+    assert (plan.design.E, plan.load, plan.magnet, plan.count) == (2.0, {"depth": 1.0}, "ignored", 2)
+    assert [model.accuracy for model in plan.fem] == [FINE]
+    assert (plan.formulas, plan.quantities) == (("paper",), ("force", "shift", "contact_radius", "readings"))
+
+
+def test_options_replace_the_values_of_a_study(toml):
+    options = asked(depth=2.0, accuracy="quick", magnet="rigid", quantities="tilt,force")
+    plan = asked_plan(toml(STUDY, "study.toml"), options)
+    assert (plan.load, plan.magnet, plan.quantities) == ({"depth": 2.0}, "rigid", ("force", "tilt"))
+    assert [model.accuracy for model in plan.fem] == [QUICK]
+
+
+def test_axes_vary_a_preset_or_a_file(toml):
+    path = toml("D = 10\nL = 12\n", "sensor.toml")
+    for options in (asked(["E=1,2", "depth=1"]), asked(["E=1,2", "depth=1"], design=path)):
+        plan = asked_plan(path if options[0].design is None else None, options)
+        assert (plan.design.D, plan.axes, plan.count) == (10.0, ("E", "depth"), 2)
+    assert asked_plan(None, asked(["depth=1"])).design == paper()
+
+
+def test_models_are_ordered_from_coarse_to_fine():
+    plan = asked_plan(None, asked(["depth=1"], models="half-quick,finite,standard,quick,paper"))
+    assert [(model.name, model.model) for model in plan.fem] == [
+        ("quick", "auto"),
+        ("standard", "auto"),
+        ("half-quick", "half"),
+    ]
+    assert plan.fem[1].accuracy == STANDARD
+    assert plan.formulas == ("paper", "finite")
+
+
+@pytest.mark.parametrize(
+    ("options", "parts"),
+    [
+        (asked(), ["a sweep needs at least one axis"]),
+        (asked(["D=8"]), ["a sweep needs a depth"]),
+        (asked(["D=8"], depth=-1.0), ["axis depth must be more than 0 mm; got -1"]),
+        (asked(["D=8"], depth=1.0, sets=["D=9"]), ["D is both an axis and set to 9"]),
+        (asked(["depth=1"], depth=1.0), ["depth is given twice"]),
+        (asked(["depth=1"], load=["depth=2"]), ["depth is given twice, as an axis and by --load"]),
+        (asked(["depth=1"], models=""), ["there is no model ''"]),
+        (asked(["depth=1"], load=["sheer=2"]), ["'sheer'", "did you mean shear"]),
+        (asked(["magnet=rigid,ignored"], depth=1.0, magnet="rigid"), ["magnet is given twice"]),
+        (asked(["depth=1"], accuracy="quick", models="standard"), ["models and accuracy both choose"]),
+        (asked(["depth=1"], models="standrad"), ["there is no model 'standrad': did you mean standard?"]),
+        (asked(["depth=1"], tolerance="1%", accuracy="quick"), ["a tolerance chooses the accuracy"]),
+        (asked(["depth=1"], tolerance="200%"), ["--tolerance must be a percentage", "'200%'"]),
+        (asked(["depth=1"], models="paper", quantities="modes"), ["quantity modes needs finite elements"]),
+        (asked(["depth=1"], quantities="cycle"), ["quantity cycle needs the rate"]),
+        (asked(["depth=1"], load=["frequency=2"]), ["frequency has no effect", "response"]),
+        (asked(["depth=1"], load=["speed=2"], quantities="response"), ["speed has no effect"]),
+        (
+            asked(["speed=1,2"], depth=1.0, load=["frequency=2"], quantities="response"),
+            ["leave one of them out"],
+        ),
+        (
+            asked(["frequency=0,2"], depth=1.0, quantities="response"),
+            ["frequency must be more than 0 Hz", "got 0"],
+        ),
+        (
+            asked(["depth=1"], models="quick", quantities="decoded_force_error"),
+            ["needs a level of the formulas"],
+        ),
+    ],
+)
+def test_contradictions_are_refused(options, parts, refused):
+    with refused(*parts):
+        asked_plan(None, options)
+
+
+def test_a_study_with_axes_of_its_own_takes_no_others(toml, refused):
+    path = toml(STUDY, "study.toml")
+    with refused("has its own axes"):
+        asked_plan(path, asked(["E=1"]))
+    with refused("the design is given twice"):
+        asked_plan(path, asked(design="paper"))
+
+
+def test_a_study_does_not_fix_the_magnet_that_it_varies(toml, refused):
+    path = toml('magnet = "ignored"\ndepth = 1\n[axes]\nmagnet = ["rigid", "ignored"]\n', "study.toml")
+    with refused("magnet is given twice, as an axis and alone in the study"):
+        asked_plan(path, asked())
+
+
+def cases(axes, **figures):
+    """Rows of a sweep whose figures are functions of the case."""
+    names = {"D": "D_mm", "f": "f_mm", "E": "E_MPa", "depth": "depth_mm"}
+    for point in itertools.product(*axes.values()):
+        case = dict(zip(axes, point, strict=True))
+        row = {"status": "ok", "solve": len(case), "seconds": sum(point), "fem_force_N": 1.0, "fem_S2_mT": math.nan}
+        yield row | {names[name]: value for name, value in case.items()} | {k: v(case) for k, v in figures.items()}
+
+
+def test_an_axis_that_changes_nothing_is_named():
+    axes = {"D": [6.0, 8.0], "f": [5.0, 6.0], "E": [1.0]}
+    rows = list(cases(axes, fem_force_N=lambda case: case["D"]))
+    plan = asked_plan(None, asked(["D=6,8", "f=5,6", "E=1"], depth=0.3))
+    assert idle_axes(rows, plan, whole=True) == [("f", "the results are the same for all its values")]
+    rows = list(cases(axes, fem_force_N=lambda case: case["D"], fem_S2_mT=lambda case: case["f"]))
+    assert idle_axes(rows, plan, whole=True) == []
+    assert idle_axes(rows, plan, whole=False) == [("f", "it changes only columns that --wide, --json and --out show")]
+    # a single case tells nothing, nor do cases that failed
+    assert idle_axes(rows[:1], plan, whole=True) == idle_axes([], plan, whole=True) == []
+    failed = [row | {"status": "bad_input", "fem_S2_mT": 0.0} for row in rows]
+    assert idle_axes(failed, plan, whole=True) == []

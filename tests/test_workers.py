@@ -1,10 +1,12 @@
-"""Worker processes: order, exceptions, deaths, interrupts, and the time left."""
+"""Worker processes: order, exceptions, deaths, interrupts, and the time left; a sweep that is killed twice."""
 
+import contextlib
 import heapq
+import io
 import itertools
+import json
 import math
 import os
-import pickle
 import random
 import signal
 import subprocess
@@ -12,14 +14,18 @@ import sys
 import time
 import traceback
 from pathlib import Path
+from typing import NamedTuple
 
+import pandas as pd
 import pytest
 import worker_tasks
-from worker_tasks import gone, until
+from worker_tasks import SOLVES, children, gone, until
 
-from studies.mechanics import worker_process
-from studies.mechanics.worker_process import processes
-from studies.mechanics.workers import Unfinished, clock_text, finished
+from studies.cli import commands
+from studies.inputs.option_groups import Selection
+from studies.mechanics import store_actions, store_check, worker_process
+from studies.mechanics.workers import Unfinished, finished
+from studies.output.provenance import ROOT
 
 TESTS = Path(__file__).parent
 
@@ -40,18 +46,6 @@ def test_one_worker_finishes_the_tasks_in_their_order(workers):
     assert [(each.task, each.answer, each.reason) for each in results] == [(k, k, "") for k in range(20)]
 
 
-def test_a_task_is_yielded_as_soon_as_it_is_finished():
-    assert [each.task for each in finished([0.6, 0.0, 0.1], time.sleep, workers=2)] == [0.0, 0.1, 0.6]
-
-
-def test_no_tasks_give_no_results():
-    assert list(finished([], worker_tasks.echo, workers=2)) == []
-
-
-def test_without_workers_the_tasks_are_done_in_this_process():
-    assert [each.answer for each in finished([1], worker_tasks.own_process, workers=0)] == [os.getpid()]
-
-
 def test_no_more_tasks_are_begun_than_there_are_workers():
     taken = []
     results = finished((taken.append(k) or k for k in range(10**6)), worker_tasks.echo, workers=2)
@@ -70,27 +64,11 @@ def test_an_exception_in_a_task_ends_the_run_with_its_traceback(workers):
     assert "in raises\n" in "".join(traceback.format_exception(caught.value))
 
 
-def test_a_task_without_memory_has_no_answer():
-    (result,) = finished(["memory"], worker_tasks.raises, workers=1)
-    assert (result.answer, result.reason) == (None, "its process ran out of memory")
-
-
-def test_an_exception_that_cannot_be_unpickled_keeps_its_text():
-    with pytest.raises(RuntimeError, match="OddError: 1 and 2") as caught:
-        list(finished(["odd"], worker_tasks.raises, workers=1))
-    assert "in raises\n" in "".join(caught.value.__notes__)
-
-
 @pytest.mark.parametrize("workers", [0, 1])
 @pytest.mark.parametrize(("kind", "error"), [("exit", SystemExit), ("interrupt", KeyboardInterrupt)])
 def test_an_exit_or_interrupt_in_a_task_ends_the_run(workers, kind, error):
     with pytest.raises(error):
         list(finished([kind], worker_tasks.raises, workers=workers))
-
-
-def test_an_error_of_the_sequence_of_tasks_ends_the_run():
-    with pytest.raises(ZeroDivisionError):
-        list(finished((1 / k for k in (1, 0)), worker_tasks.echo, workers=1))
 
 
 def test_a_task_that_kills_its_worker_costs_no_other_task_a_try(tmp_path):
@@ -101,12 +79,6 @@ def test_a_task_that_kills_its_worker_costs_no_other_task_a_try(tmp_path):
     assert [results[task].answer for task in tasks] == [None if kind == "kill" else "ok" for _, kind in tasks]
     dead = results[tasks[2]]
     assert (dead.answer, dead.reason) == (None, "its worker process ended with signal 9 twice (out of memory?)")
-
-
-def test_what_a_task_prints_is_no_answer(capfd):
-    (result,) = finished(["text"], worker_tasks.prints, workers=1)
-    assert result.answer == ""  # its standard input is empty
-    assert capfd.readouterr() == ("", "text\n")
 
 
 def test_closing_the_generator_ends_the_workers_and_what_they_started(tmp_path):
@@ -171,28 +143,6 @@ def test_linear_algebra_in_workers_shares_the_cores(monkeypatch):
     assert alone.answer == "8"
 
 
-def test_a_death_keeps_its_codes_when_it_is_sent():
-    death = pickle.loads(pickle.dumps(worker_process.WorkerDied(-9, 1)))
-    assert (death.codes, str(death)) == ((-9, 1), "signal 9, then exit code 1")
-
-
-def test_an_executor_can_give_up_a_task_at_the_first_death():
-    with processes(1, tries=1) as executor, pytest.raises(worker_process.WorkerDied) as death:
-        executor.submit(os._exit, 7).result()
-    assert death.value.codes == (7,)
-
-
-def test_progress_counts_tasks_and_weighs_them_by_cost():
-    reports = []
-    costs = {0.0: 0.0, 0.6: 3.0, 0.7: 1.0}
-    list(finished(list(costs), time.sleep, workers=1, cost=costs.get, progress=lambda *each: reports.append(each)))
-    shares = [share for share, _ in reports]
-    assert shares[0] == 0.0
-    assert shares[-2:] == [0.75, 1.0]
-    assert [text.split(" solves")[0] for _, text in reports[-2:]] == ["2 of 3", "3 of 3"]
-    assert reports[-2][1].endswith("0:00 left")
-
-
 # The time that is left, against tasks of known times on simulated workers
 
 
@@ -236,21 +186,124 @@ def shares_left(kind, workers, seed):
     return [left / truth for share, left, truth in estimates(costs, seconds, workers) if 0.2 <= share <= 0.6]
 
 
-def test_a_long_last_task_is_waited_for():
-    unfinished = Unfinished([1.0, 1.0, 1.0, 30.0], float)
-    unfinished.finish(0, 2.0)
-    assert unfinished.seconds_left(2) == 60.0
+# A sweep that is killed twice: nothing that it reported is lost, and little is solved again.
 
 
-def test_before_the_first_answer_there_is_no_estimate():
-    unfinished = Unfinished([1.0, 1.0])
-    unfinished.finish(0, math.nan)
-    assert math.isnan(unfinished.seconds_left(1))
-    assert unfinished.share == 0.5
+SWEEP = """\
+import sys
+import worker_tasks
+from studies.cli.entry_point import main
+from studies.mechanics import solve_plan
+solve_plan.solve_task = worker_tasks.noted_solve
+sys.exit(main())
+"""
+"""Program that runs a command line of magtip whose solves note that they begin."""
+WORKERS = 2
+DEPTHS = 0.2, 0.4
+AFTERLIFE = 2.0
+"""Time within which worker processes end after their parent was killed, s."""
 
 
-@pytest.mark.parametrize(
-    ("seconds", "text"), [(0.2, "0:00"), (59.7, "1:00"), (3599.8, "1:00:00"), (90061, "25:01:01")]
-)
-def test_a_time_is_written_as_by_a_clock(seconds, text):
-    assert clock_text(seconds) == text
+class Kill(NamedTuple):
+    """What a killed process had reported and begun, what is stored, and the processes of its workers."""
+
+    rows: list[dict]
+    begun: set[float]
+    stored: set[tuple[float, float]]
+    workers: list[int]
+    survive: bool
+    intact: bool
+
+    @property
+    def complete(self):
+        """The lengths over D of which all states are stored."""
+        return {L for L, _ in self.stored if all((L, round(d / 8, 9)) in self.stored for d in DEPTHS)}
+
+
+class Sweep:
+    """A sweep with a store, a log of the solves that begin, and the rows of its last process."""
+
+    def __init__(self, folder):
+        self.store, self.log, self.rows = (folder / name for name in ("s.sqlite", "solves", "rows.jsonl"))
+        self.log.touch()
+
+    def words(self, workers):
+        words = ["sweep", "paper", "--axis", "L=lin:10:16:6", "--axis", f"depth={','.join(map(str, DEPTHS))}"]
+        words += ["--magnet", "ignored", "--accuracy", "quick", "--json", "--store", str(self.store)]
+        return [*words, "--workers", str(workers)]
+
+    def start(self):
+        paths = os.pathsep.join([str(ROOT), str(Path(__file__).parent)])
+        with self.rows.open("wb") as rows:
+            return subprocess.Popen(
+                [sys.executable, "-c", SWEEP, *self.words(WORKERS)],
+                env={**os.environ, SOLVES: str(self.log), "PYTHONPATH": paths},
+                stdout=rows,
+                stderr=subprocess.DEVNULL,
+            )
+
+    def printed(self):
+        return [json.loads(line) for line in self.rows.read_bytes().split(b"\n")[:-1]]
+
+    def killed(self, *, rows=0, solves=0):
+        """Kill the sweep when it has printed so many rows and begun so many solves."""
+        before = len(self.log.read_text())
+        process = self.start()
+        while len(self.printed()) < rows or self.log.read_text()[before:].count("\n") < solves:
+            assert process.poll() is None
+            time.sleep(0.01)
+        workers = children(process.pid)
+        process.kill()
+        process.wait()
+        ended = until(lambda: all(map(gone, workers)), AFTERLIFE)
+        states = store_actions.listing(Selection(store=self.store), 0, of_paths=False)[1]
+        stored = {(round(one["L_over_D"], 9), round(one["depth_over_D"], 9)) for one in states}
+        intact = all(check["status"] == "ok" for check in store_check.checks(self.store))
+        begun = {round(float(line), 9) for line in self.log.read_text()[before:].splitlines()}
+        return Kill(self.printed(), begun, stored, workers, not ended, intact)
+
+    def completed(self):
+        assert self.start().wait() == 0
+        return self.printed()
+
+    def undisturbed(self):
+        """The rows of a sweep in this process."""
+        with contextlib.redirect_stdout(io.StringIO()) as said:
+            assert commands.run(self.words(0)) == 0
+        return [json.loads(line) for line in said.getvalue().splitlines()]
+
+
+@pytest.fixture(scope="module")
+def swept(tmp_path_factory):
+    """Two kills, then the rows of the sweep that goes on, and those of one that nothing disturbs."""
+    sweep = Sweep(tmp_path_factory.mktemp("killed"))
+    kills = [sweep.killed(solves=3), sweep.killed(rows=1)]
+    return kills, sweep.completed(), Sweep(tmp_path_factory.mktemp("whole")).undisturbed()
+
+
+def test_the_state_of_each_printed_row_is_in_the_store(swept):
+    kills, *_ = swept
+    assert kills[1].rows
+    for kill in kills:
+        assert {(round(row["L_mm"] / 8, 9), round(row["depth_mm"] / 8, 9)) for row in kill.rows} <= kill.stored
+
+
+def test_what_is_stored_is_not_solved_again_and_no_more_is_unfinished_than_there_were_workers(swept):
+    (first, second), *_ = swept
+    assert all(len(kill.begun - kill.complete) <= WORKERS for kill in (first, second))
+    assert not second.begun & first.complete
+
+
+def test_no_worker_process_survives_and_the_store_stays_intact(swept):
+    # rows that are stored are printed before a worker has begun
+    assert max(len(kill.workers) for kill in swept[0]) == WORKERS
+    assert not any(kill.survive for kill in swept[0])
+    assert all(kill.intact for kill in swept[0])
+
+
+def test_a_sweep_that_goes_on_has_the_rows_of_one_that_nothing_disturbs(swept):
+    (_, second), *finished = swept
+    printed, again, whole = (pd.DataFrame(rows).drop(columns="seconds") for rows in (second.rows, *finished))
+    # a sweep that goes on hands other solves to its workers, so that the last digits depend on the kills
+    pd.testing.assert_frame_equal(again, whole, rtol=1e-9)
+    pd.testing.assert_frame_equal(printed, whole[: len(printed)], rtol=1e-9)
