@@ -10,7 +10,6 @@ import skfem
 from fem.accuracy import QUICK
 from fem.equilibrium import solve
 from fem.model import elements
-from fem.model.symmetry_models import MeshSpecification
 from geometry.bad_input import MeshError
 from geometry.design import paper
 from geometry.loads import Load
@@ -32,20 +31,6 @@ def test_only_sides_at_the_rim_are_graded():
     assert share[at[start]] == pytest.approx(PLACE, abs=0.002)
     assert share[at[end]] == pytest.approx(1 - PLACE, abs=0.002)
     assert share[~at[start] & ~at[end]] == pytest.approx(0.5, abs=0.01)
-
-
-def test_one_point_outside_the_rim_has_no_contact():
-    models = [
-        MeshSpecification(SHAPE, 0.4998, "rigid", 0.16, 0.08, rim=RIM, harmonics=1, glued=way).build().system.surface
-        for way in (False, True)
-    ]
-    plain, glued = ((skin.weights == 0).reshape(len(skin.weights), -1, skin.angles) for skin in models)
-    assert not plain.any()
-    facet, line = np.nonzero(glued.any(axis=2))
-    assert len(facet) == 1
-    assert glued[facet[0], line[0]].all()
-    out = models[1].radii.reshape(glued.shape)[facet[0], line[0]]
-    assert np.all((out > RIM[0]) & (out < RIM[0] + 0.1 * RIM[1]))
 
 
 def test_a_gripped_shear_hardly_depends_on_the_elements_at_its_edge():

@@ -23,25 +23,11 @@ def own():
 
 
 @pytest.fixture(scope="module")
-def points(own):
-    return own.doflocs.T
-
-
-@pytest.fixture(scope="module")
-def quadratic(own):
-    return np.asarray(own.dofs.element_dofs).T
-
-
-@pytest.fixture(scope="module")
-def linear(own):
-    return own.t.T
-
-
-@pytest.fixture(scope="module")
-def number(own):
-    found = np.zeros(own.nelements, dtype=np.int64)
-    found[own.subdomains["magnet"]] = 1
-    return found
+def arrays(own):
+    """Nodes, and of each cell its nodes, its corners, and whether it is the magnet's."""
+    number = np.zeros(own.nelements, dtype=np.int64)
+    number[own.subdomains["magnet"]] = 1
+    return own.doflocs.T, np.asarray(own.dofs.element_dofs).T, own.t.T, number
 
 
 @pytest.fixture
@@ -68,7 +54,8 @@ def same_parts(one, other):
 
 
 @pytest.mark.parametrize("ending", [".vtu", ".vtk", ".inp", ".msh"])
-def test_quadratic_cells_stay_as_they_are(own, points, quadratic, read, ending):
+def test_quadratic_cells_stay_as_they_are(own, arrays, read, ending):
+    points, quadratic, *_ = arrays
     mesh = read(ending, points, quadratic)
     same_parts(mesh, own)
     one, other = quality(mesh, SHAPE), quality(own, SHAPE)
@@ -76,7 +63,8 @@ def test_quadratic_cells_stay_as_they_are(own, points, quadratic, read, ending):
     assert one["least_jacobian"] == pytest.approx(other["least_jacobian"], rel=1e-6)
 
 
-def test_linear_cells_are_curved(own, points, linear, read):
+def test_linear_cells_are_curved(own, arrays, read):
+    points, _, linear, *_ = arrays
     mesh = read(".msh", points[: own.nvertices], linear)
     same_parts(mesh, own)
     found = quality(mesh, SHAPE)
@@ -84,13 +72,15 @@ def test_linear_cells_are_curved(own, points, linear, read):
     assert found["gap"] < 0.2 * SHAPE.magnet_edge_radius
 
 
-def test_cells_of_either_sense(own, points, quadratic, read):
+def test_cells_of_either_sense(own, arrays, read):
+    points, quadratic, *_ = arrays
     turned = quadratic.copy()
     turned[::2] = turned[::2][:, [0, 2, 1, 3, 6, 5, 4, 7, 9, 8]]
     assert quality(read(".vtu", points, turned), SHAPE)["least_jacobian"] > 0.05
 
 
-def test_names_of_regions(own, points, linear, number, read):
+def test_names_of_regions(own, arrays, read):
+    points, _, linear, number = arrays
     p = points[: own.nvertices]
     sets = {"Silicone": [np.flatnonzero(number == 0)], "MAGNET": [np.flatnonzero(number == 1)], "all": [number >= 0]}
     same_parts(read(".inp", p, linear, cell_sets={k: sets[k] for k in ("Silicone", "MAGNET")}), own)
@@ -106,7 +96,8 @@ def test_names_of_regions(own, points, linear, number, read):
         read(".inp", p, linear, cell_sets={"silicone": sets["Silicone"]})
 
 
-def test_names_of_sides(own, points, linear, read):
+def test_names_of_sides(own, arrays, read):
+    points, _, linear, *_ = arrays
     facets = own.facets[:, own.boundaries["base"]].T
     given = {
         "blocks": [("triangle", facets)],
@@ -118,7 +109,8 @@ def test_names_of_sides(own, points, linear, read):
         read(".inp", points[: own.nvertices], linear, **given)
 
 
-def test_the_magnet_as_a_hole_or_as_silicone(own, points, quadratic, number, read):
+def test_the_magnet_as_a_hole_or_as_silicone(own, arrays, read):
+    points, quadratic, _, number = arrays
     hole = read(".vtu", points, quadratic, magnet="hole")
     assert set(hole.subdomains) == {"silicone"}
     assert len(hole.boundaries["magnet"]) == len(own.boundaries["magnet"])
@@ -131,7 +123,8 @@ def test_the_magnet_as_a_hole_or_as_silicone(own, points, quadratic, number, rea
         read(".vtu", points, quadratic[number == 0], magnet="none")
 
 
-def test_meshes_that_do_not_fit_are_refused(own, points, linear, quadratic, number, read):
+def test_meshes_that_do_not_fit_are_refused(own, arrays, read):
+    points, quadratic, linear, number = arrays
     p = points[: own.nvertices]
     apart = np.where((number == 1)[:, None], linear + len(p), linear)
     middle = np.flatnonzero(own.doflocs[0, own.t].mean(axis=0) > 1)[:1]
@@ -154,7 +147,8 @@ def test_meshes_that_do_not_fit_are_refused(own, points, linear, quadratic, numb
             read(".vtu", *given, **more)
 
 
-def test_other_files_are_refused(tmp_path, points):
+def test_other_files_are_refused(arrays, tmp_path):
+    points, *_ = arrays
     with pytest.raises(BadInput, match="there is no file"):
         mesh_import.read(tmp_path / "nothing.vtu", SHAPE)
     for name, text in (("a.vtu", "not a mesh"), ("a.msh", ""), ("a.xyz", "1 2 3"), ("a.inp", "*NODE\n1, a\n")):
@@ -177,7 +171,11 @@ def test_a_solve_on_an_imported_mesh(tmp_path, run, refusal, strict):
     section = strict(run("solve", *press, "--accuracy", "quick")[1])[0]
     assert record["force_N"][2] == pytest.approx(section["force_N"][2], rel=0.03)
     assert record["shift_mm"][2] == pytest.approx(section["shift_mm"][2], rel=0.05)
-    assert "is for model half" in refusal("solve", *press, "--mesh", "half.vtu", "--model", "full")
+    press = ("solve", *press, "--mesh", "half.vtu")
+    assert "is for model half" in refusal(*press, "--model", "full")
+    assert "with D 8 mm where this design has D 8.01 mm" in refusal(*press, "--set", "D=8.01")
+    long = ("mesh", "paper", "--mesher", "pytetwild", "--size", 3, "--out", "m.vtu")
+    assert "at most R/2 = 2 for pytetwild; got 3" in refusal(*long)
 
 
 def test_the_label_of_a_mesh_names_its_sensor(own, tmp_path):
@@ -192,19 +190,6 @@ def test_the_label_of_a_mesh_names_its_sensor(own, tmp_path):
     mesh_import.read(tmp_path / "mute.vtu", replace(SHAPE, magnet_height=2.0005), warn=said.append)
     assert len(said) == 1
     assert "does not say for which sensor it was made" in said[0]
-
-
-def test_the_verbs_mesh_and_solve_agree_on_the_sensor(run, refusal, tmp_path):
-    bare = ("--set", "magnet_diameter=0", "--set", "magnet_height=0")
-    assert run("mesh", "paper", *bare, "--size", 4, "--half", "--out", "m.vtu")[0] == 0
-    press = ("solve", "paper", *bare, "--depth", 0.5, "--magnet", "ignored", "--mesh", "m.vtu", "--json")
-    assert "with D 8 mm where this design has D 8.01 mm" in refusal(*press, "--set", "D=8.01")
-
-
-def test_pytetwild_takes_no_cells_that_are_too_long_for_the_dome(run):
-    status, _, message = run("mesh", "paper", "--mesher", "pytetwild", "--size", 3, "--out", "m.vtu")
-    assert status == 2
-    assert "at most R/2 = 2 for pytetwild; got 3" in message
 
 
 def test_cells_of_another_mesher_give_the_same_force(run, strict, tmp_path):

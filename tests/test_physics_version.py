@@ -5,10 +5,10 @@ versions of the packages to rounding, far below the 1e-6 asked for here. Tetrahe
 between processors, and their answers by half a percent.
 """
 
-import math
 from dataclasses import replace
 from typing import get_args
 
+import numpy as np
 import pytest
 
 from fem.accuracy import QUICK
@@ -38,53 +38,34 @@ CASES = {
     "tetrahedra": (paper(), [Load(depth=0.3, plate_tilt=0.1)], "ignored"),
 }
 ANSWERS = {
-    "press": ("axisymmetric", 3, 1e-6, (0.0, 4.22735933346326, 0.0, -0.3091196100140188)),
-    "all silicone": ("axisymmetric", 3, 1e-6, (0.0, 1.0229699639638283, 0.0, -0.11736911640201159)),
-    "yeoh": ("axisymmetric", 3, 1e-6, (0.0, 1.39895963901401, 0.0, -0.10647917689587579)),
-    "mooney": ("axisymmetric", 3, 1e-6, (0.0, 1.4222605835770197, 0.0, -0.10766145462267399)),
-    "ogden": ("axisymmetric", 3, 1e-6, (0.0, 1.391609347984881, 0.0, -0.10590067927064223)),
-    "stick": ("harmonic", 3, 1e-6, (0.27339153898014695, 1.3704822950262594, 0.185238440536375, -0.1053503607342623)),
-    "grip": ("harmonic", 3, 1e-6, (0.5719697582391418, 0.0, 0.2990250192276671, -0.003039849682115983)),
-    "coulomb": (
-        "harmonic",
-        3,
-        1e-6,
-        (0.14253024554943355, 0.623969230809307, 0.09483507362440799, -0.04826342298427718),
-    ),
-    "tilted": (
-        "harmonic",
-        3,
-        1e-6,
-        (-0.04975933789272139, 0.4959336275135637, -0.026149331993498545, -0.05557300671545812),
-    ),
-    "turned": (
-        "harmonic",
-        3,
-        1e-6,
-        (-0.04955456126228268, 0.49125069820851025, -0.025986200863953594, -0.05522646138938939),
-    ),
-    "tetrahedra": (
-        "half",
-        3,
-        1e-2,
-        (-0.050175994095035134, 0.5000862917287704, -0.026324395375589338, -0.05571403487038154),
-    ),
+    "press": ("axisymmetric", (0.0, 4.22735933, 0.0, -0.30911961)),
+    "all silicone": ("axisymmetric", (0.0, 1.02296996, 0.0, -0.117369116)),
+    "yeoh": ("axisymmetric", (0.0, 1.39895964, 0.0, -0.106479177)),
+    "mooney": ("axisymmetric", (0.0, 1.42226058, 0.0, -0.107661455)),
+    "ogden": ("axisymmetric", (0.0, 1.39160935, 0.0, -0.105900679)),
+    "stick": ("harmonic", (0.273391539, 1.3704823, 0.185238441, -0.105350361)),
+    "grip": ("harmonic", (0.571969758, 0.0, 0.299025019, -0.00303984968)),
+    "coulomb": ("harmonic", (0.142530246, 0.623969231, 0.0948350736, -0.048263423)),
+    "tilted": ("harmonic", (-0.0497593379, 0.495933628, -0.026149332, -0.0555730067)),
+    "turned": ("harmonic", (-0.0495545613, 0.491250698, -0.0259862009, -0.0552264614)),
+    "tetrahedra": ("half", (-0.0501759941, 0.500086292, -0.0263243954, -0.0557140349)),
 }
+"""Model, and force and shift of version 3 along x and z."""
 
 
 @pytest.mark.parametrize("name", CASES)
 def test_answers_change_only_with_the_version(name):
-    design, loads, magnet = CASES[name]
-    model, version, tolerance, answer = ANSWERS[name]
+    (design, loads, magnet), (model, wanted) = CASES[name], ANSWERS[name]
     state = trace(design, loads, ROUGH, magnet=magnet, model=model, estimate=False)[-1]
-    force, shift = state.response.force, state.response.shift
     assert (state.status, state.model) == ("ok", model)
-    assert PHYSICS[state.model] == version, "write the answers of the new version into ANSWERS"
-    size = math.hypot(force[0], force[2]), math.hypot(shift[0], shift[2])
-    found = (force[0] / size[0], force[2] / size[0], shift[0] / size[1], shift[2] / size[1], *size)
-    f, s = math.hypot(*answer[:2]), math.hypot(*answer[2:])
-    wanted = (answer[0] / f, answer[1] / f, answer[2] / s, answer[3] / s, f, s)
-    assert found == pytest.approx(wanted, rel=tolerance, abs=tolerance), "raise the version in fem.physics_version"
+    assert PHYSICS[state.model] == 3, "write the answers of the new version into ANSWERS"
+    (fx, _, fz), (ux, _, uz) = state.response.force, state.response.shift
+    found, tolerance = np.array([(fx, fz), (ux, uz)]), 1e-2 if model == "half" else 1e-6
+    wanted = np.reshape(wanted, (2, 2))
+    sizes = np.linalg.norm(wanted, axis=1, keepdims=True)
+    np.testing.assert_allclose(
+        found / sizes, wanted / sizes, atol=tolerance, err_msg="raise the version of the model"
+    )
 
 
 def test_the_critical_depth_changes_only_with_the_version():

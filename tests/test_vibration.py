@@ -18,6 +18,7 @@ from fem.equilibrium import solve
 from fem.model import elements, material
 from fem.results.postprocess import pose_slopes
 from fem.scene import Scene
+from geometry import cad
 from geometry.design import BadInput, paper
 from geometry.loads import Load
 from geometry.relaxation import Relaxation
@@ -80,15 +81,6 @@ def test_a_slow_motion_has_the_stiffness_of_an_elastic_sensor():
     assert np.abs(elastic.imag).max() == 0
 
 
-def test_an_instantaneous_modulus_relaxes_before_the_sensor_vibrates():
-    branches = {"nu": 0.5, "prony": "0.5:0.01"}
-    given, long_term = (sensor(GLUED, **branches, modulus=name) for name in ("instantaneous", "long-term"))
-    one, other = given.at([16.0]), long_term.at([16.0])
-    assert given.state.response.force[2] == pytest.approx(0.5 * long_term.state.response.force[2], rel=1e-9)
-    # slow enough for the masses, which are equal
-    assert abs(one.force[0, 0, 1] / other.force[0, 0, 1]) == pytest.approx(0.5, rel=0.02)
-
-
 def test_the_bulk_modulus_does_not_relax():
     design = replace(paper(), nu=0.45, modulus="instantaneous")
     at_rest = vibration.relaxed(design, Relaxation((0.4,), (1.0,)))
@@ -127,12 +119,6 @@ def test_contact_is_kept_as_in_a_hertz_contact():
     assert pressed.state.response.force[2] / slow.force[0, 0, 1].real == pytest.approx(2 / 3 * depth, rel=0.03)
 
 
-def test_a_shaken_base_moves_the_magnet_like_a_mass_on_a_spring_below_resonance():
-    shaken = sensor(Load()).at([5.0, 10.0])
-    assert np.abs(shaken.shift[1, 1, 0] / shaken.shift[0, 1, 0]) == pytest.approx(4.0, rel=0.1)
-    assert np.isnan(shaken.force).all()
-
-
 @pytest.mark.parametrize(
     ("band", "load", "words"),
     [
@@ -140,25 +126,15 @@ def test_a_shaken_base_moves_the_magnet_like_a_mass_on_a_spring_below_resonance(
         ((10.0, 1.0), GLUED, "rise from above 0"),
         ((1.0, 1e6), GLUED, "carries shear waves"),
         ((1.0, 10.0), Load(depth=1.0, imperfection=1e-3), "no imperfection"),
+        ((1.0, 10.0), Load(depth=6.0, friction="stick"), "unstable"),
         ((1.0, 10.0), Load(depth=1.0, shear_y=0.1, friction="stick", plate_tilt=0.1), "plane of symmetry"),
         ((1.0, 10.0), Load(depth=1.0, friction="stick", plate_tilt=0.1), "glued by a shear only"),
     ],
 )
 def test_bands_and_loads_that_are_refused(band, load, words):
+    design = replace(paper(), L=32.0 if words == "unstable" else 9.0)
     with pytest.raises(BadInput, match=words):
-        vibration.vibrating_sensor(paper(), load, band, QUICK)
-
-
-def test_the_direction_of_the_shear_does_not_matter():
-    along, across = sensor(SHEARED), sensor(Load(depth=1.0, shear_y=0.5, friction="stick"))
-    assert across.at([600.0]).force == pytest.approx(along.at([600.0]).force, rel=1e-9)
-    assert across.state.response.force[1] == pytest.approx(along.state.response.force[0], rel=1e-9)
-
-
-def test_points_that_slip_stick_in_small_cycles():
-    """So the friction coefficient hardly matters, and the sensor is nearly that whose contact is glued."""
-    slipping = sensor(Load(depth=1.0, friction=0.3)).at([10.0])
-    assert slipping.force == pytest.approx(sensor(GLUED).at([10.0]).force, rel=0.05, abs=1e-6)
+        vibration.vibrating_sensor(design, load, band, QUICK)
 
 
 def test_a_tilted_plate_has_a_symmetric_impedance():
@@ -174,12 +150,6 @@ def test_a_grip_has_the_static_stiffness_of_its_shear():
     gripped = sensor(Load(grip=2.0, shear_x=step))
     assert gripped.static_stiffness()["x"] == pytest.approx(shear, rel=1e-3)
     assert np.isnan(gripped.at([1.0]).kept_amplitude).all()
-
-
-def test_an_unstable_press_is_refused():
-    slender = replace(paper(), L=32.0)
-    with pytest.raises(BadInput, match="unstable"):
-        vibration.vibrating_sensor(slender, Load(depth=6.0, friction="stick"), (1.0, 10.0), QUICK)
 
 
 @functools.cache
@@ -253,17 +223,9 @@ def test_a_shaken_base_loads_the_free_sensor_with_its_whole_mass(order):
     u, moves = np.zeros(system.fixed.shape), system.free & False
     moves[:, (1, 2)[order]] = True
     u[moves & system.free] = 1.0
-    r = system.unknowns(
-        u, np.zeros((len(system.corner_nodes), system.elements.angles.pressures)), np.eye(2)[0][: system.n_rigid]
-    )
-    core = np.pi * design.magnet_diameter**2 / 4 * design.magnet_height
-    mass = (
-        design.magnet_density / design.density * core + np.sum(system.elements.weights) * 2 * np.pi * design.D**3
-    ) / design.D**3
+    still = np.zeros((len(system.corner_nodes), system.elements.angles.pressures))
+    r = system.unknowns(u, still, np.eye(2)[0][: system.n_rigid])
+    core = design.magnet_density / design.density * cad.magnet_volume(design.shape)
+    mass = (core + cad.beam_volume(design.shape) - cad.magnet_volume(design.shape)) / design.D**3
     # the clamped nodes of the lowest elements do not move in r
     assert mass * 0.97 < load @ r < mass
-
-
-def test_a_free_slide_transmits_no_motion_along_x():
-    assert [block.motions for block in blocks(PRESSED)] == [("z",)]
-    assert [block.motions for block in blocks(GLUED)] == [("z",), ("x",)]
