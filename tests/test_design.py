@@ -216,11 +216,6 @@ def test_states_depend_on_the_mechanical_fields_and_readings_on_magnet_and_eleme
     assert (one != other) is (design_digest.digest(one) != design_digest.digest(other)) is differs
 
 
-def test_the_size_of_an_ignored_magnet_is_not_in_the_label():
-    one, other = (design_digest.of_mechanics(Design(magnet_height=h), "ignored") for h in (2.0, 3.0))
-    assert one == other != design_digest.of_mechanics(paper())
-
-
 def test_digests_of_kept_files_stay():
     """Digests in states files and tables that exist: a new field of `Design` must not change them at its default."""
     mechanics, readings = design_digest.of_mechanics(paper()), design_digest.of_readings(paper())

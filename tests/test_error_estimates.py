@@ -28,7 +28,6 @@ from fem.solve.path_state import about, glue, with_harmonics
 from fem.solve.press import solve_press
 from geometry.design import Design, paper
 from geometry.loads import Load, Magnet, Response
-from studies.validation import error_study_cases
 
 STICK, TILTED = Load(depth=1.0, shear_x=1.0, friction="stick"), Load(depth=1.0, plate_tilt=0.1)
 PRESS, RUBBED = Load(depth=1.0), Load(depth=1.0, friction=0.3)
@@ -119,27 +118,6 @@ def test_estimates_grow_beyond_the_loads_of_the_study():
 )
 def test_each_load_has_the_rule_of_its_kind(loads, model, case):
     assert load_case(loads[0], Scene(paper(), loads, model=model)) == case
-
-
-@pytest.mark.parametrize(
-    ("number", "magnet", "depth", "found", "coarse", "true"),
-    [
-        (0, "ignored", 2.0, (8.42575, -0.85236, 2.628), (8.41940, -0.85238, 2.676), (8.38048, -0.85524)),
-        (3, "ignored", 1.167, (3.25127, -0.45332, 1.587), (3.24124, -0.45325, 1.588), (3.21502, -0.45551)),
-        (7, "rigid", 0.2466, (0.390869, -0.0671266, 0.858), (0.381743, -0.0654515, 0.917), (0.384845, -0.0663385)),
-        (7, "rigid", 0.6165, (1.47379, -0.248258, 1.343), (1.47422, -0.247875, 1.245), (1.45908, -0.246871)),
-        (3, "rigid", 0.1914, (0.304747, -0.0201656, 0.706), (0.313971, -0.0206897, 0.700), (0.306050, -0.0206130)),
-    ],
-)
-def test_estimates_of_a_press_on_tetrahedra_hold_where_its_companion_agrees(
-    number, magnet, depth, found, coarse, true
-):
-    """Force, shift and contact radius of meshes at level quick, and what a fine section gives."""
-    design, load = error_study_cases.designs()[number], Load(depth=depth)
-    one, other = (Response((0.0, 0.0, f), (0.0, 0.0, w), 0.0, a) for f, w, a in (found, coarse))
-    estimates = estimate_response(one, other, load, Scene(design, (load,), QUICK, magnet, "half"), "half")
-    assert estimates.force > abs(found[0] / true[0] - 1)
-    assert estimates.shift > abs(found[1] / true[1] - 1)
 
 
 PRESSES = ("press", "deep", "pressed", "solid press", "tilted press")

@@ -1,7 +1,5 @@
 """Linear systems: both libraries against dense algebra, and a reduced basis against full complex solutions."""
 
-import tracemalloc
-
 import numpy as np
 import pytest
 import scipy.sparse as sp
@@ -268,14 +266,3 @@ def test_an_incompressible_solid_has_solutions_of_full_accuracy(eigenvalues, mos
     for i in range(len(C)):
         u = full(problem, C[i], eigenvalues[i])[: problem.moving]
         assert np.linalg.norm(system.V[: problem.moving] @ y[i] - u) < 1e-7 * np.linalg.norm(u)
-
-
-def test_the_small_systems_of_many_frequencies_are_never_held_together():
-    system = reduce(chain(), C, EIGENVALUES)
-    m, many = len(system.K), 4000
-    c, eigenvalues = np.resize(C, many), np.resize(EIGENVALUES, many)
-    tracemalloc.start()
-    system.solve(c, eigenvalues)
-    peak = tracemalloc.get_traced_memory()[1]
-    tracemalloc.stop()
-    assert peak < many * m**2 * 16 / 4

@@ -7,7 +7,7 @@ import pytest
 
 from fem.analyses.time_steps import product_weights
 from fem.model import material, viscoelasticity
-from fem.model.material import eigenvectors, evaluate, lame, law, neo_hookean, ogden, strains
+from fem.model.material import evaluate, lame, law, neo_hookean, ogden, strains
 from fem.model.nonlinear_system import State, System
 from fem.model.symmetry_models import MeshSpecification
 from fem.model.viscoelasticity import History, PointState, ViscousLaw
@@ -95,14 +95,6 @@ def test_a_pressure_adds_its_cofactor_to_the_stress_and_lame_gives_hookes_law():
     np.testing.assert_allclose(stress.reshape(3, 3), np.diag([0, 0, 2.0]), atol=1e-12)
 
 
-@pytest.mark.parametrize("name", CASES)
-def test_each_law_works_on_many_points_at_once(name):
-    G, mu = 0.2 * np.random.default_rng(8).normal(size=(3, 3, 4, 5)), np.arange(1.0, 5.0)[:, None]
-    many = evaluate(law(name, CASES[name]), G, mu)
-    for found, want in zip(many, isochoric(name, G[:, :, 2, 3], 3.0), strict=True):
-        np.testing.assert_allclose(found[..., 2, 3], want, rtol=1e-11, atol=1e-12)
-
-
 @pytest.mark.parametrize("state", STATES)
 @pytest.mark.parametrize(("name", "values"), [("mooney-rivlin", (0,)), ("yeoh", (0, 0)), ("ogden", (2, -2, 0))])
 def test_each_law_reduces_to_neo_hookean(name, values, state):
@@ -162,14 +154,6 @@ def test_an_ogden_law_of_three_terms_is_the_sum_of_its_terms():
         np.testing.assert_allclose(found, sum(parts), rtol=1e-12, atol=1e-13)
 
 
-def test_eigenvectors_of_nearly_equal_eigenvalues():
-    S = np.diag([1.0, 1.0 + 1e-13, 2.0]) + 1e-14
-    values, N = np.empty(3), np.empty((3, 3))
-    eigenvectors(S.copy(), values, N)
-    np.testing.assert_allclose(N.T @ N, np.eye(3), atol=1e-14)
-    np.testing.assert_allclose(N @ np.diag(values) @ N.T, S, atol=1e-14)
-
-
 BRANCHES = Relaxation((0.3, 0.2), (0.5, 2.0))
 
 
@@ -203,14 +187,6 @@ def _follow(law: ViscousLaw, motion: list[Array], dt: float) -> tuple[History, l
         history = history.advance(now, dt)
         stresses.append(history.stress(now).ravel())
     return history, stresses
-
-
-@pytest.mark.parametrize("law", ["prony", "finite"])
-def test_held_block_of_small_shear_relaxes_like_the_branches(law: ViscousLaw) -> None:
-    history = viscoelasticity.at_rest(law, BRANCHES, (1, 1, 1)).advance(_point(_shear(1e-4)), 0.0)
-    history = history.advance(_point(_shear(1e-4)), 0.7)
-    relaxed = float(BRANCHES.modulus(0.7))
-    assert history.stress(_point(_shear(1e-4))).ravel()[4] == pytest.approx(1e-4 * relaxed, rel=1e-7)
 
 
 @pytest.mark.parametrize("law", ["prony", "finite"])
@@ -304,18 +280,11 @@ def test_tangent_is_the_derivative_of_the_residual(law: ViscousLaw, harmonics: i
     tangent = system.assemble(_admissible(system, q), None).tangent
     whole = tangent + tangent.T
     whole.setdiag(tangent.diagonal())
-    ahead, back = (
-        system.assemble(_admissible(system, q + h * along), None, tangent=False).residual for h in (1e-6, -1e-6)
-    )
-    assert whole @ along == pytest.approx((ahead - back) / 2e-6, rel=1e-5, abs=1e-6 * np.abs(whole @ along).max())
-
-
-def test_residual_is_the_derivative_of_the_energy() -> None:
-    system = _in_step(_system(0), "prony")
-    q, along, h = _deformed(system, 2), _deformed(system, 3, 1.0), 1e-6
-    ahead, back = (system.assemble(_admissible(system, q + s * along), None).energy for s in (h, -h))
-    residual = system.assemble(_admissible(system, q), None).residual
-    assert residual @ along == pytest.approx((ahead - back) / (2 * h), rel=1e-6)
+    here, ahead, back = (system.assemble(_admissible(system, q + h * along), None) for h in (0.0, 1e-6, -1e-6))
+    slope = (ahead.residual - back.residual) / 2e-6
+    assert whole @ along == pytest.approx(slope, rel=1e-5, abs=1e-6 * np.abs(slope).max())
+    if law == "prony":
+        assert here.residual @ along == pytest.approx((ahead.energy - back.energy) / 2e-6, rel=1e-6)
 
 
 UNEVEN = (0.3, 0.5, 1.1, 1.2)
@@ -327,12 +296,3 @@ def test_polynomials_up_to_the_third_degree_are_exact(degrees: tuple[int, int], 
     (a, b), times = degrees, np.array(UNEVEN)
     exact = b / (a + b) * (times[-1] ** (a + b) - times[first] ** (a + b))
     assert times**a @ product_weights(UNEVEN, first) @ times**b == pytest.approx(exact)
-
-
-def test_errors_of_the_last_steps_are_of_the_fifth_order() -> None:
-    def error(step: float) -> float:
-        times = np.arange(4) * step
-        exact = np.diff([3 * np.exp(t) * (np.cos(3 * t) + 3 * np.sin(3 * t)) / 10 for t in times[2:]])[0]
-        return abs(np.exp(times) @ product_weights(tuple(times.tolist()), 2) @ np.sin(3 * times) - exact)
-
-    assert np.log2(error(0.02) / error(0.01)) > 4.5

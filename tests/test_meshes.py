@@ -60,21 +60,6 @@ def random_shapes(count, seed):
 
 
 @pytest.mark.parametrize("magnet", ["hole", "meshed", "none"])
-def test_area_and_volume_are_exact(magnet):
-    mesh = section(PAPER, 0.075, magnet=magnet)
-    area, volume = integrals(mesh, mesh.subdomains["silicone"])
-    beam = PAPER.R * PAPER.H + math.pi * PAPER.R**2 / 4
-    gone = 0 if magnet == "none" else 1
-    assert volume == pytest.approx(beam_volume(PAPER) - gone * magnet_volume(PAPER), rel=2e-6)
-    assert area == pytest.approx(beam - gone * magnet_area(PAPER), rel=2e-6)
-    assert ("magnet" in mesh.boundaries) == (magnet != "none")
-    assert ("magnet" in mesh.subdomains) == (magnet == "meshed")
-    if magnet == "meshed":
-        core = integrals(mesh, mesh.subdomains["magnet"])
-        assert core == pytest.approx((magnet_area(PAPER), magnet_volume(PAPER)), rel=1e-5)
-
-
-@pytest.mark.parametrize("magnet", ["hole", "meshed", "none"])
 @pytest.mark.parametrize("name", EXTREMES)
 def test_extremes(name, magnet):
     shape = EXTREMES[name]
@@ -111,6 +96,8 @@ def test_boundaries_are_complete_and_lengths_right(magnet):
     if magnet == "meshed":
         sides = mesh.f2t[:, mesh.boundaries["magnet"]]
         assert np.all(np.isin(sides, mesh.subdomains["magnet"]).sum(axis=0) == 1)
+        core = integrals(mesh, mesh.subdomains["magnet"])
+        assert core == pytest.approx((magnet_area(PAPER), magnet_volume(PAPER)), rel=1e-5)
 
     def length(name):
         return skfem.FacetBasis(mesh, skfem.ElementTriP2(), facets=mesh.boundaries[name], intorder=8).dx.sum()
@@ -266,16 +253,6 @@ def test_whole_body_is_closed():
     assert set(mesh.boundaries) == {"base", "skin"}
     found = check_quality(mesh, SENSOR.without_magnet())
     assert found["volumes"]["silicone"] == pytest.approx(math.pi * 16 * (5 + 8 / 3), rel=1e-5)
-
-
-def test_sharp_magnet_and_low_beam():
-    shape = Shape(8, 6, 4, 2, 0)
-    mesh = tetrahedra(shape, 1.5, magnet="hole", tip_size=0.6)
-    check_quality(mesh, shape)
-    nodes = solid_nodes(mesh, "magnet")
-    rim = (np.hypot(nodes[0], nodes[1]) > 2 - 1e-3) & (np.abs(np.abs(nodes[2] - 2) - 1) < 1e-4)
-    assert rim.sum() > 20
-    assert np.abs(magnet_distance(nodes, shape)).max() < 1e-3
 
 
 @pytest.mark.parametrize("half", [True, False])

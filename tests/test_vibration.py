@@ -41,9 +41,8 @@ def sensor(load, *, magnet="rigid", band=(1.0, 1000.0), **fields):
     return vibration.vibrating_sensor(replace(paper(), **fields), load, band, ROUGH, magnet=magnet)
 
 
-@pytest.mark.parametrize(("load", "frequencies"), [(GLUED, (620.0,)), (SHEARED, (600.0,))])
-def test_the_reduced_basis_gives_the_force_and_pose_of_full_solutions(load, frequencies):
-    reduced = sensor(load)
+def test_the_reduced_basis_gives_the_force_and_pose_of_full_solutions():
+    reduced, frequencies = sensor(SHEARED), (600.0,)
     unit, rest = frequency_unit(reduced.scene.design), reduced.relaxation.rest
     E, D = reduced.scene.design.E, reduced.scene.design.D
     answer, first = reduced.at(frequencies), 0
