@@ -13,6 +13,7 @@ from fem.model.plate_contact import Bond, Plate
 from fem.model.symmetry_models import MeshSpecification
 from fem.solve.direct_solver import Solver
 from fem.solve.newton import newton
+from geometry.bad_input import MeshError
 from geometry.design import Design
 from geometry.section import section
 
@@ -274,6 +275,19 @@ def test_inverted_silicone_is_refused(name):
     q = np.zeros(system.size)
     q[: system.n_free] = 10 * smooth(system)[: system.n_free] / 0.001
     assert system.admissible(q) is None
+
+
+def test_an_inverted_element_is_refused():
+    mesh = section(Design().shape.scaled(1 / 8), 0.25)
+    corner = mesh.t[0, 0]
+    places = mesh.doflocs.copy()
+    # beyond the opposite side
+    places[:, corner] += 3 * (places[:, mesh.t[1:, 0]].mean(axis=1) - places[:, corner])
+    with pytest.raises(MeshError, match=r"folded elements, and \d+ pairs of neighbours that overlap"):
+        elements.build(type(mesh)(places, mesh.t), axisymmetric=True)
+    straight = skfem.MeshTri(places[:, : mesh.nvertices], mesh.t)
+    with pytest.raises(MeshError, match=r"has 0 folded elements, and [1-9]\d* pairs"):
+        elements.build(skfem.MeshTri2.from_mesh(straight), axisymmetric=True)
 
 
 def test_tiny_strains_keep_their_digits():

@@ -23,50 +23,14 @@ from studies.fabrication import part_drawings
 NUMBER = r"-?\d+\.?\d*(?:e-?\d+)?"
 
 
-def area(view):
-    """Return the area of all loops of a view by Green's theorem, arcs included: the outer loop less the holes."""
-    total = 0.0
-    for loops, _ in view.paths:
-        areas = []
-        for loop in loops:
-            points = [point for piece in loop for point in _points(piece)]
-            ends = [(piece.start, piece.end) for piece in loop]
-            assert all(
-                math.dist(end, start) < 1e-6 for (_, end), (start, _) in zip(ends, ends[1:] + ends[:1], strict=True)
-            )
-            x, y = zip(*points, strict=True)
-            areas.append(abs(sum(x[k - 1] * y[k] - x[k] * y[k - 1] for k in range(len(x)))) / 2)
-        total += areas[0] - sum(areas[1:])
-    return total
-
-
-def _points(piece):
-    ends = piece.start, piece.end
-    if piece.middle is None:
-        return list(ends)
-    (x, y), (u, v), (p, q) = *ends, piece.middle
-    # centre of the circle through three points
-    d = 2 * (x * (q - v) + p * (v - y) + u * (y - q))
-    cx = ((x * x + y * y) * (q - v) + (p * p + q * q) * (v - y) + (u * u + v * v) * (y - q)) / d
-    cy = ((x * x + y * y) * (u - p) + (p * p + q * q) * (x - u) + (u * u + v * v) * (p - x)) / d
-    t0, tm, t1 = (math.atan2(b - cy, a - cx) for a, b in ((x, y), (p, q), (u, v)))
-    turn = (t1 - t0) % (2 * math.pi)
-    if (tm - t0) % (2 * math.pi) > turn:
-        turn -= 2 * math.pi
-    return [(cx + piece.radius * math.cos(t0 + turn * k / 200), cy + piece.radius * math.sin(t0 + turn * k / 200))
-            for k in range(201)]  # fmt: skip
-
-
-def test_a_section_has_the_area_of_the_profile():
-    design = Design()
-    view = View("")
-    view.cut(cad.beam(design), "soft")
-    assert area(view) == pytest.approx(design.D * design.H + math.pi * design.R**2 / 2, rel=1e-4)
-    assert view.box == pytest.approx((-4, 4, 0, 9), abs=1e-9)
-    hollow = View("")
-    hollow.cut(cad.silicone(design), "soft")
-    edge = (4 - math.pi) * design.magnet_edge_radius**2
-    assert area(view) - area(hollow) == pytest.approx(4 * 2 - edge, rel=1e-3)
+def test_a_section_shows_the_profile_and_its_holes():
+    outlines = []
+    for solid in (cad.beam(Design()), cad.silicone(Design())):
+        view = View("")
+        view.cut(solid, "soft")
+        assert view.box == pytest.approx((-4, 4, 0, 9), abs=1e-9)
+        outlines.append([len(loops) for loops, _ in view.paths])
+    assert outlines == [[1], [2]]
 
 
 def test_a_section_shows_a_small_body_far_from_the_axis_whole():

@@ -10,7 +10,7 @@ from geometry.cad import beam_volume, magnet_volume
 from geometry.design import BadInput, Shape, paper
 from geometry.mesh import SOLID_GROWTH, tetrahedra
 from geometry.meshing.mesh_quality import determinants, quality
-from geometry.section import _triangulated, section
+from geometry.section import PLACE, _triangulated, section
 
 PAPER = paper().shape.scaled(1 / 8)
 THIN = 0.0125  # the least wall in units of D, with a little room for rounding
@@ -166,6 +166,21 @@ def test_a_request_gives_the_same_mesh_again_whatever_becomes_of_the_first():
         np.testing.assert_array_equal(again.doflocs, expected)
         np.testing.assert_array_equal(again.t, triangles)
         _triangulated.cache_clear()
+
+
+def test_only_sides_at_the_rim_are_graded():
+    rim = (0.3, 0.012)
+    plain, glued = (section(PAPER, 0.16, tip_size=0.08, rim=rim, glued=way) for way in (False, True))
+    assert plain.nelements > glued.nelements
+    start, end = glued.facets
+    middle = glued.doflocs[:, glued.nvertices :]
+    length = np.linalg.norm(glued.p[:, end] - glued.p[:, start], axis=0)
+    share = np.linalg.norm(middle - glued.p[:, start], axis=0) / length
+    at = np.hypot(glued.p[0] - rim[0], glued.p[1] - PAPER.H - math.sqrt(0.25 - rim[0] ** 2)) < 1e-9
+    assert np.count_nonzero(at) == 1
+    assert share[at[start]] == pytest.approx(PLACE, abs=0.002)
+    assert share[at[end]] == pytest.approx(1 - PLACE, abs=0.002)
+    assert share[~at[start] & ~at[end]] == pytest.approx(0.5, abs=0.01)
 
 
 SENSOR = Shape(8, 9, 4, 2, 0.1)

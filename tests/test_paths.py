@@ -14,7 +14,7 @@ from fem.model.symmetry_models import MeshSpecification, specification
 from fem.results.postprocess import read_pose
 from fem.scene import Scene
 from fem.solution import Estimates
-from fem.solve import load_increments, load_stepping, press
+from fem.solve import load_increments, press
 from fem.solve.direct_solver import Solver
 from fem.solve.load_increments import apply_increment, follow_segment
 from fem.solve.load_stepping import predict
@@ -63,31 +63,6 @@ def test_a_press_does_not_depend_on_the_length_of_its_steps(monkeypatch):
         monkeypatch.setattr(load_increments, "LONGEST", longest)
         forces.append(trace(sensor, loads, QUICK, estimate=False)[-1].response.force[2])
     assert forces[0] == pytest.approx(forces[1], rel=1e-8)
-
-
-def test_silicone_that_is_crushed_in_short_steps_too_is_believed(monkeypatch):
-    """With a bound that every deformation breaks."""
-    plain = trace(paper(), [Load(depth=1.0)], QUICK, estimate=False)[-1]
-    monkeypatch.setattr(load_increments, "CRUSHED", 1.0)
-    halved = trace(paper(), [Load(depth=1.0)], QUICK, estimate=False)[-1]
-    assert halved.newton_iterations > plain.newton_iterations
-    assert halved.response.force[2] == pytest.approx(plain.response.force[2], rel=1e-8)
-
-
-def test_a_path_that_stops_short_ends_in_a_state_that_is_solved_to_the_end(monkeypatch):
-    shape, real = paper().shape.without_magnet().scaled(1 / 8), load_increments.newton
-
-    def stubborn(system, solver, q, plate, *more, **options):
-        answer = real(system, solver, q, plate, *more, **options)
-        return replace(answer, reason="step_inverted") if plate.height < shape.L - 0.3 else answer
-
-    monkeypatch.setattr(load_increments, "newton", stubborn)
-    state, stop = solve_press(MeshSpecification(shape, 0.4998, "ignored", 0.25, 0.125), 0.4)
-    assert stop == "step_inverted"
-    assert 0.25 <= state.position[0] < 0.3
-    system = state.d.system
-    here = system.assemble(system.state(state.q), state.plate, tangent=False)
-    assert np.abs(here.residual).max() < 1e-9 * np.abs(here.forces[system.eliminated]).max()
 
 
 STUCK = Load(depth=1.0, shear_x=1.0, friction="stick")
@@ -143,20 +118,6 @@ def test_a_predictor_leads_to_the_state_that_increments_lead_to(gripped):
     np.testing.assert_array_equal(at_once.position, ASIDE)
     assert at_once.energy == pytest.approx(in_steps.energy, rel=1e-8)
     np.testing.assert_allclose(at_once.u, in_steps.u, atol=1e-8)
-
-
-def test_where_its_correction_fails_only_a_predictor_has_moved(gripped, monkeypatch):
-    real = load_stepping.newton
-
-    def stubborn(*given, **options):
-        return replace(real(*given, **options), reason="no_convergence")
-
-    monkeypatch.setattr(load_stepping, "newton", stubborn)
-    state, iterations = predict(Solver(), Solver(), gripped, ASIDE)
-    assert state.q is gripped.q
-    assert state.position is gripped.position
-    np.testing.assert_array_equal(state.reduced.position, ASIDE)
-    assert iterations > 0
 
 
 SECTION = specification(Scene(paper(), (Load(depth=1.0),), QUICK), 0.16, 0.08)
