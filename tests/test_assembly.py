@@ -252,13 +252,6 @@ def test_results_do_not_depend_on_the_size_of_batches(name, monkeypatch):
     assert (difference.data <= REL * np.maximum(scale[difference.row] * scale[difference.col], 1)).all()
 
 
-def test_the_mass_of_a_cube_that_moves_as_a_whole_is_its_own():
-    system = SCENES["cube"]()
-    matrices = element_assembly.mass(system.elements, 2.0)
-    assert matrices[:, 2, :, 2].sum() == pytest.approx(2.0, rel=1e-12)
-    assert abs(matrices[:, 0, :, 2]).max() < 1e-15
-
-
 def test_strains_that_are_kept_are_those_of_the_state():
     """In whatever order states are checked and assembled, the results are those of a system without a past."""
     system, flat = plate("sensor", 0.02)

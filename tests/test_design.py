@@ -258,14 +258,6 @@ def test_the_label_of_a_mesh_may_hold_more_fields_and_another_silicone():
         design_digest.check(bare, whole, "a mesh")
 
 
-def test_every_later_key_is_one_of_a_label():
-    """A key without its unit would match none."""
-    design, chip = paper(), Design(hall_layout="tmag5273a1")
-    labels = design_digest.of_mechanics(design) | design_digest.of_solid(design.shape)
-    labels |= design_digest.of_readings(design) | design_digest.of_readings(chip)
-    assert set(design_digest.LATER) <= set(labels)
-
-
 # What `magtip design` and `mesh` say of a design, and the file that is written.
 
 
@@ -286,17 +278,6 @@ def test_design_json(run, strict):
         0.0,
         None,
     ]
-
-
-def test_design_table_tells_the_source(run):
-    out = run("design", "paper", "--set", "E=2", "--set", "l0=4")[1]
-    lines = {line.split()[0]: line for line in out.splitlines() if line.split()}
-    assert "changed" in lines["E"]
-    assert "paper" in lines["D"]
-    assert "assumed" in lines["nu"]
-    # one limit of l0, that of the base
-    assert "l0 must be at least" in " ".join(out.split())
-    assert "would lie inside the beam" not in out
 
 
 def test_design_shows_the_chip_in_use_and_where_averaging_leaves_its_steps(run, strict):

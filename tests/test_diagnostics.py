@@ -13,7 +13,7 @@ from fem.results.lateral_stiffness import StabilityMargin
 from fem.results.postprocess import read
 from fem.scene import Scene
 from fem.solution import Facts
-from fem.solve.direct_solver import STABLE, UNKNOWN, Stability
+from fem.solve.direct_solver import STABLE, Stability
 from fem.solve.newton import STOPPED
 from fem.solve.press import solve_press
 from geometry.design import Design, paper
@@ -53,19 +53,6 @@ def test_the_onset_is_a_fact_in_mm_and_a_sentence(pressed):
     row = state_rows.solved_row(state, {})
     assert (row["onset_depth_from_mm"], row["onset_depth_to_mm"]) == (0.2, 0.3)
     assert row["onset_shear_from_mm"] is None
-
-
-def test_an_unknown_stability_is_a_fact_and_a_sentence(pressed):
-    state = read(replace(pressed, stability=UNKNOWN), SCENE, SCENE.loads[0])
-    assert "whether this equilibrium is stable is not known" in state.message
-    row = state_rows.solved_row(state, {})
-    assert (row["stability"], row["unstable_directions"]) == ("unknown", None)
-
-
-def test_an_onset_under_a_shear_is_told_by_the_shear(pressed):
-    unstable = replace(pressed, stability=STABLE, onset=(np.array([0.05, 0, 0]), np.array([0.05, -0.03, 0.04])))
-    facts = read(unstable, SCENE, SCENE.loads[0]).facts
-    assert (facts.onset, facts.onset_mm) == ("shear", pytest.approx((0.0, 0.4)))
 
 
 @pytest.mark.parametrize(("depth", "remark"), [(1.8, None), (2.65, "nearly_guided_only"), (3.1, "guided_only")])
@@ -118,11 +105,6 @@ def test_creases_of_the_skin_begin_at_one_depth_on_all_meshes(accuracy):
     assert smooth.facts.crease_ratio == pytest.approx(2.07, abs=0.1)
     assert creased.facts.crease_ratio > 2.6
     assert "the free skin creases" in creased.message
-
-
-def test_an_instability_without_creases_may_be_the_meshs(pressed):
-    state = read(replace(pressed, stability=Stability(1)), SCENE, SCENE.loads[0])
-    assert "it cannot be told whether the silicone or the mesh is unstable" in state.message
 
 
 @pytest.mark.parametrize(("depth", "remark"), [(1.0, None), (3.45, "pushed_aside")])

@@ -33,13 +33,6 @@ def test_a_section_shows_the_profile_and_its_holes():
     assert outlines == [[1], [2]]
 
 
-def test_a_section_shows_a_small_body_far_from_the_axis_whole():
-    design = Design(hall_layout="tmag5273a1", chip_x=30.0)
-    view = View("chip")
-    view.cut(bodies(design)["tmag5273a1"], "part")
-    assert view.box[:2] == pytest.approx((30 - 2.9 / 2, 30 + 2.9 / 2))
-
-
 def test_a_view_from_above_shows_x_to_the_right_and_y_upwards():
     import build123d as bd
 

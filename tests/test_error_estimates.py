@@ -10,7 +10,7 @@ import pytest
 
 from fem.accuracy import QUICK, STANDARD
 from fem.equilibrium import solve
-from fem.model import single_order, symmetry_models
+from fem.model import single_order
 from fem.model.symmetry_models import MeshSpecification
 from fem.physics_version import PHYSICS
 from fem.results.error_estimates import (
@@ -23,7 +23,6 @@ from fem.results.error_estimates import (
     table_rows,
 )
 from fem.scene import Scene
-from fem.solve.direct_solver import Solver
 from fem.solve.path_state import about, glue, with_harmonics
 from fem.solve.press import solve_press
 from geometry.design import Design, paper
@@ -213,19 +212,3 @@ def test_eigenvalues_of_all_orders_are_those_of_the_whole_tangent():
     blocks += [eigenvalues(about(low, single_order.build(low.d, order))) for order in range(1, HARMONICS + 1)]
     whole = eigenvalues(with_harmonics(low, high))
     np.testing.assert_allclose(np.sort(np.concatenate(blocks)), whole, rtol=1e-8, atol=1e-12)
-
-
-@pytest.mark.parametrize("magnet", ["rigid", "ignored"])
-def test_a_sideways_push_moves_the_dome_as_in_the_whole_model(magnet):
-    low, high = press(magnet)
-    moved, negative = [], []
-    for state in (about(low, single_order.build(low.d, 1)), with_harmonics(low, high)):
-        system, push = state.d.system, np.zeros(state.d.system.size)
-        nodal = symmetry_models.distribute_push(state.skin, system.fixed.shape, SHAPE.H, 1.0)
-        push[: system.n_free] = nodal[system.free]
-        solver = Solver()
-        solver.factorise(system.assemble(system.state(state.q), state.plate).tangent)
-        moved.append(push @ solver.solve(push))
-        negative.append(solver.stability(system.n_pressure).directions)
-    assert moved[0] == pytest.approx(moved[1], rel=1e-9)
-    assert negative == [0, 0]

@@ -113,13 +113,6 @@ def test_tetrahedra_have_the_force(load):
     assert state.estimates.force is None
 
 
-def test_an_imperfect_press_follows_the_buckled_branch():
-    target = ForceTarget(1.0, None, Load(imperfection=0.002))
-    (state,) = walk_forces(Design(L=24.0), [target], ROUGH, magnet="ignored", estimate=False)
-    assert normal(state) == pytest.approx(1.0, rel=FORCE_TOLERANCE)
-    assert state.response.tilt > 0
-
-
 @pytest.mark.parametrize(
     ("call", "parts"),
     [

@@ -35,13 +35,6 @@ def upper(matrix):
     return sp.csr_matrix(np.triu(matrix))
 
 
-def test_one_solver_takes_matrices_of_a_pattern_one_after_the_other(solver):
-    b = RNG.normal(size=(7, 2))
-    for matrix in (saddle(), saddle()):
-        solver.factorise(upper(matrix))
-        np.testing.assert_allclose(solver.solve(b), np.linalg.solve(matrix, b), rtol=1e-9, atol=1e-12)
-
-
 def test_an_unsymmetric_matrix_is_taken_whole_and_says_nothing_of_its_eigenvalues(solver):
     matrix, b = saddle() + np.triu(RNG.normal(size=(7, 7))), RNG.normal(size=7)
     solver.factorise(sp.csr_matrix(matrix), symmetric=False)
@@ -152,17 +145,6 @@ def with_diagonal(matrix: np.ndarray) -> sp.csr_matrix:
     n = len(matrix)
     rows, columns = np.triu_indices(n)
     return sp.csr_matrix((matrix[rows, columns], (rows, columns)), shape=(n, n))
-
-
-@pytest.mark.skipif(not have_pardiso(), reason="needs the extra `fast`")
-def test_a_matrix_that_needs_pairs_of_pivots_gets_them():
-    block, solver, count = pairs_of_pivots(), Solver(pardiso=True), 1500
-    b = RNG.normal(size=7 * count)
-    blocks = sp.block_diag([with_diagonal(block)] * count, format="csr")
-    solver.factorise(blocks, single=True)
-    x = solver.solve(b)
-    np.testing.assert_allclose((x.reshape(count, 7) @ block).ravel(), b, atol=1e-9)
-    assert not solver._factors[True].single
 
 
 KEPT = [(library, saddle) for library in LIBRARIES] + [(True, pairs_of_pivots)] * have_pardiso()

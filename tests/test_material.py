@@ -172,13 +172,6 @@ def _shear(amount: float) -> Array:
     return F
 
 
-def _dissipation_rate(viscous: Array, now: PointState, mu: float, tau: float) -> float:
-    """Return the dissipation per volume and time of one branch of the law "finite", with C_i (6, 1, 1, 1)."""
-    Cbar, Ci = (X[viscoelasticity.PLACES].reshape(3, 3) for X in (now.J ** (-2 / 3) * now.C, viscous))
-    M = Cbar @ np.linalg.inv(Ci)
-    return float(mu / (2 * tau) * (np.trace(M @ M) - np.trace(M) ** 2 / 3))
-
-
 def _follow(law: ViscousLaw, motion: list[Array], dt: float) -> tuple[History, list[Array]]:
     """Return the last history and all stresses S (6,) on the way."""
     history, stresses = viscoelasticity.at_rest(law, BRANCHES, (1, 1, 1)), []
@@ -220,27 +213,6 @@ def test_fast_and_slow_limits_are_elastic(law: ViscousLaw, dt: float) -> None:
     _, stresses = _follow(law, [F], dt)
     modulus = 1.0 if dt < 1 else BRANCHES.rest
     assert stresses[-1] == pytest.approx(modulus * _point(F).S.ravel(), abs=1e-7)
-
-
-def test_work_on_the_finite_law_is_stored_or_dissipated() -> None:
-    steps = 800
-    times = np.arange(1, steps + 1) / steps
-    history: History = viscoelasticity.at_rest("finite", BRANCHES, (1, 1, 1))
-    before, stress, work, lost = _point(np.eye(3)), np.zeros((6, 1, 1, 1)), 0.0, 0.0
-    rate = 0.0
-    for t in times:
-        now = _point(_shear(np.sin(6 * t)))
-        history = history.advance(now, 1 / steps)
-        after = history.stress(now)
-        work += float(viscoelasticity.contract(stress + after, now.C - before.C).item()) / 4
-        faster = sum(
-            _dissipation_rate(Ci, now, share, tau)
-            for Ci, share, tau in zip(history.internal, BRANCHES.shares, BRANCHES.times, strict=True)
-        )
-        assert faster >= 0
-        lost += (rate + faster) / 2 / steps
-        before, stress, rate = now, after, faster
-    assert history.stored(before) + lost == pytest.approx(work, rel=2e-4)
 
 
 TWO = Relaxation((0.2, 0.1), (0.5, 5.0))

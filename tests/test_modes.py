@@ -10,7 +10,7 @@ from scipy.optimize import brentq
 
 from analytic.oscillator import moving_mass, natural_frequency, receptance
 from fem.accuracy import QUICK, STANDARD
-from fem.analyses import modes, vibration
+from fem.analyses import modes
 from fem.model import angular_fields, elements
 from fem.model.material import lame
 from fem.model.nonlinear_system import System
@@ -142,19 +142,6 @@ def test_the_rounded_magnet_has_the_mass_and_the_inertia_of_its_mesh():
     heavier = (k / (2 * math.pi * with_magnet) ** 2 - k / (2 * math.pi * alone) ** 2) / (light.density * 1e-9)
     assert heavier == pytest.approx(2 / 3 * meshed_magnet()[0] * light.D**3, rel=1e-5)
     assert k / (2 * math.pi * alone) ** 2 == pytest.approx(light.density * 1e-9 * silicone / 3, rel=1e-12)
-
-
-def test_axial_modes_of_a_press_have_the_mass_of_the_rounded_magnet():
-    scene = Scene(ROUNDED, (Load(depth=1.0, friction="stick"),), QUICK)
-    press = modes.pressed_sensor(scene, modes.find_contact(scene))
-    K, system = modes._order_matrices(press, scene, 0, press.state.d)[0], press.state.d.system
-    m = ROUNDED.magnet_density / ROUNDED.density * meshed_magnet()[0]
-    value = modes.eigen(K, system.mass(1.0, np.full(6, m)), 1)[0][0]
-    right = modes.frequency_unit(ROUNDED) * math.sqrt(value)
-    found = modes.modes(ROUNDED, depth=1.0, accuracy=QUICK, estimate=False)
-    assert found.frequency[found.shape.index("axial")] == pytest.approx(right, rel=1e-5)
-    sensor = vibration.vibrating_sensor(ROUNDED, scene.loads[0], (10.0, 500.0), QUICK)
-    assert sensor.undamped(1)["z"][0] == pytest.approx(right, rel=1e-5)
 
 
 # One mass on one spring in closed form.

@@ -8,7 +8,7 @@ from geometry import cad
 from geometry.design import BadInput, Design
 from geometry.fabrication import solid_files
 from geometry.fabrication.engraved_marks import mold_marks
-from geometry.fabrication.mold_solids import checks, closed_mold, halves, largest_overlap, least_gap, printable
+from geometry.fabrication.mold_solids import checks, closed_mold, halves, printable
 from geometry.fabrication.printability import overhangs, standing
 from geometry.mold import Mold, pours, sizes
 
@@ -209,34 +209,6 @@ def test_a_mould_without_room_has_no_marks_and_a_warning():
     assert mold_marks(Design(), mold, sizes(Design(), mold)) == ([], [], text)
 
 
-UP, SIDEWAYS = (0.0, 0.0, 1.0), (0.0, 1.0, 0.0)
-
-
-def cup():
-    return cad.turned([(0, -5, 0), (3, -5, 0), (3, 0, 0), (2, 0, 0), (2, -4, 0), (0, -4, 0)])
-
-
-def test_a_plug_does_not_leave_a_cup_sideways_or_downwards():
-    plug = cad.turned([(0, -3, 0), (1, -3, 0), (1, 1, 0), (0, 1, 0)])
-    assert largest_overlap(plug, cup(), 4.0, SIDEWAYS) > 1
-    assert largest_overlap(plug, cup(), 4.0, (0.0, 0.0, -1.0)) > 1
-
-
-def test_a_thin_lip_far_ahead_is_detected():
-    lip = [(3, 0, 0), (1.5, 0, 0), (1.5, -0.1, 0), (2, -0.1, 0), (2, -4, 0), (0, -4, 0)]
-    held = cad.turned([(0, -4, 0), (2, -4, 0), (2, -3, 0), (0, -3, 0)])
-    ring = math.pi * (2**2 - 1.5**2)
-    # 0.1 mm thick, and met after 2.9 mm of 10
-    assert largest_overlap(held, cad.turned([(0, -5, 0), (3, -5, 0), *lip]), 10.0, UP) == pytest.approx(ring * 0.1)
-
-
-def test_faces_that_touch_may_be_left_out():
-    body = cad.turned([(0, -4, 0), (1, -4, 0), (1, 0, 0), (0, 0, 0)])
-    assert least_gap(body, cup().faces()) == 0
-    assert least_gap(body, cup().faces(), touching=False) == pytest.approx(1, abs=1e-9)
-    assert least_gap(body, []) == math.inf
-
-
 # Overhangs and bridges of shapes whose answer is known.
 
 
@@ -262,14 +234,6 @@ def test_a_sphere_overhangs_below_45_degrees():
     assert bridge == 0
 
 
-def test_a_hole_through_a_wall_overhangs_over_a_quarter_of_its_turn():
-    import build123d as bd
-
-    hole = bd.Solid.make_cylinder(2, 30, bd.Plane((10, -5, 5), z_dir=(0, 1, 0)))
-    area, _ = hanging(cut(box(20, 20, 10), hole))
-    assert area == pytest.approx(2 * math.pi / 2 * 20, rel=0.1)
-
-
 def test_bridges_are_measured_from_wall_to_wall():
     body = box(20, 20, 10)
     assert hanging(body) == (0, 0)
@@ -284,10 +248,3 @@ def test_a_roof_with_a_free_edge_hangs_in_the_air():
     table = box(2, 2, 8).fuse(box(20, 20, 2, (-9, -9, 8))).solids()[0]
     assert hanging(table) == (0, math.inf)
     assert hanging(standing(table, upside_down=True)) == (0, 0)
-
-
-def test_parts_stand_on_the_bed():
-    moved = box(1, 2, 3, (5, 5, -7))
-    for over in (False, True):
-        low = standing(moved, upside_down=over).bounding_box()
-        assert pytest.approx((0, 3), abs=1e-6) == (low.min.Z, low.max.Z)

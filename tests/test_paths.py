@@ -17,9 +17,8 @@ from fem.solution import Estimates
 from fem.solve import load_increments, press
 from fem.solve.direct_solver import Solver
 from fem.solve.load_increments import apply_increment, follow_segment
-from fem.solve.load_stepping import predict
 from fem.solve.newton import TOLERANCE, NoStateError
-from fem.solve.path_state import at_rest, with_predictor
+from fem.solve.path_state import at_rest
 from fem.solve.press import find_press, measure_contact_edge, solve_press
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load
@@ -82,42 +81,6 @@ def test_a_state_does_not_depend_on_the_others_of_its_path(before, load):
     alone, company = (trace(paper(), way, QUICK, estimate=False)[-1] for way in ([load], [before, load]))
     assert (alone.status, company.status) == ("ok", "ok")
     assert company.response.force == pytest.approx(alone.response.force, rel=1e-9)
-
-
-def test_a_plate_with_friction_that_lifts_off_stays_on_its_mesh():
-    """Its history lives there."""
-    way = [Load(depth=d, friction=0.3) for d in (0.5, 0.1, 0.05)]
-    first, *others = (state.dofs for state in trace(paper(), way, QUICK, estimate=False))
-    assert others == [first, first]
-
-
-def test_small_elements_under_a_deep_press_keep_their_stability():
-    """The plate's springs are stiff beside them: softer ones let the skin wrinkle from 4.31 mm on."""
-    facts = trace(paper(), [Load(depth=4.4)], STANDARD, estimate=False)[-1].facts
-    # the free skin is compressed beyond the limit of creases there, which the mesh does not open
-    assert facts.stability.is_stable
-    assert (facts.onset, facts.creased) == (None, True)
-
-
-ASIDE = np.array([0.0, 0.1, 0.0])
-
-
-@pytest.fixture(scope="module")
-def gripped():
-    """A gripped tip at rest, in a model with two harmonics and a predictor with one."""
-    one, two = (
-        MeshSpecification(SHAPE, 0.4998, "ignored", 0.25, 0.125, harmonics=n, skin_harmonics=2).build()
-        for n in (1, 2)
-    )
-    return with_predictor(at_rest(two, grip=0.3), one)
-
-
-def test_a_predictor_leads_to_the_state_that_increments_lead_to(gripped):
-    at_once, _ = predict(Solver(), Solver(), gripped, ASIDE)
-    in_steps = follow_segment(Solver(), gripped, ASIDE).state
-    np.testing.assert_array_equal(at_once.position, ASIDE)
-    assert at_once.energy == pytest.approx(in_steps.energy, rel=1e-8)
-    np.testing.assert_allclose(at_once.u, in_steps.u, atol=1e-8)
 
 
 SECTION = specification(Scene(paper(), (Load(depth=1.0),), QUICK), 0.16, 0.08)

@@ -72,29 +72,6 @@ def test_outer_faces_are_skin_base_magnet_or_the_plane_of_symmetry():
     assert distance.min(axis=2).max() < 1e-9
 
 
-def test_between_nodes_the_series_is_interpolated():
-    wave = lambda k, r, z: np.where(k == -1, 1.0, r ** abs(k + 1)) * np.sin(z / 9) / (2 + abs(k))  # noqa: E731
-    rise = lambda n, r, z: r**n * z / 50  # noqa: E731
-    solid = revolved_body.revolve(field(2, wave, rise))
-    basis = skfem.Basis(solid.mesh, skfem.ElementVector(skfem.ElementTetP2()), intorder=4)
-    dofs = np.zeros(basis.N)
-    dofs[basis.get_dofs(elements=True).flatten()] = 0
-    nodes = np.concatenate([basis.nodal_dofs, basis.edge_dofs], axis=1)
-    dofs[nodes] = solid.u.T
-    found = np.asarray(basis.interpolate(dofs))
-    x, y, z = np.asarray(basis.global_coordinates())
-    r, theta = np.hypot(x, y), np.arctan2(y, x)
-    w = {k: wave(k, r, z) for k in angular_fields.orders(2)}
-    exact = np.stack(
-        [
-            sum(w[k] * np.cos((k + 1) * theta) for k in w),
-            sum(w[k] * np.sin((k + 1) * theta) for k in w),
-            sum(rise(n, r, z) * np.cos(n * theta) for n in range(3)),
-        ]
-    )
-    assert np.abs(found - exact).max() < 5e-3 * np.abs(exact).max()
-
-
 def test_body_lies_in_the_users_frame():
     load = Load(grip=2.0, shear_x=1.0, shear_y=-1.0)
     (solution,) = trace(paper(), [load], QUICK, magnet="ignored", estimate=False)

@@ -73,34 +73,21 @@ def test_a_grip_that_only_the_companions_mesh_would_miss_is_solved_without_estim
 
 
 @pytest.mark.parametrize(
-    ("loads", "model"),
+    ("loads", "model", "direction"),
     [
-        ((Load(depth=1.0),), "axisymmetric"),
-        ((Load(shear_x=0.5, grip=1e-3),), "harmonic"),
-        ((Load(depth=1.0), SHEAR), "harmonic"),
-        ((Load(depth=1.0, imperfection=1e-3),), "harmonic"),
-        ((Load(depth=1.0, plate_tilt=0.1),), "harmonic"),
-        ((SHEAR, replace(SHEAR, shear_y=1.0)), "harmonic"),
-        ((replace(SHEAR, plate_tilt=0.1, shear_y=1.0),), "harmonic"),
+        ((Load(depth=1.0),), "axisymmetric", (1.0, 0.0)),
+        ((Load(depth=1.0, imperfection=1e-3),), "harmonic", (1.0, 0.0)),
+        ((replace(SHEAR, shear_x=0.6, shear_y=0.8),), "harmonic", (0.6, 0.8)),
+        ((Load(depth=1.0, friction="stick"), replace(SHEAR, shear_x=-3.0, shear_y=4.0)), "harmonic", (0.6, -0.8)),
+        ((replace(SHEAR, plate_tilt=0.1),), "harmonic", (1.0, 0.0)),
+        ((replace(SHEAR, shear_x=0.6, shear_y=0.8, plate_tilt=0.1),), "harmonic", None),
+        ((SHEAR, replace(SHEAR, shear_y=1.0)), "harmonic", None),
+        ((replace(SHEAR, shear_x=0.0, shear_y=1.0, imperfection=1e-3),), "harmonic", None),
     ],
 )
-def test_the_smallest_model_is_chosen(loads, model):
-    loads = tuple(replace(load, friction=loads[-1].friction) for load in loads)
-    assert Scene(paper(), loads).model == model == choose_model(loads, "auto")
-
-
-@pytest.mark.parametrize(
-    ("loads", "direction"),
-    [
-        ((replace(SHEAR, shear_x=0.6, shear_y=0.8),), (0.6, 0.8)),
-        ((replace(SHEAR, shear_x=0.6, shear_y=0.8, plate_tilt=0.1),), None),
-        ((replace(SHEAR, plate_tilt=0.1),), (1.0, 0.0)),
-        ((SHEAR, replace(SHEAR, shear_y=1.0)), None),
-        ((replace(SHEAR, shear_x=0.0, shear_y=1.0, imperfection=1e-3),), None),
-    ],
-)
-def test_loads_without_a_plane_of_symmetry_need_the_users_axes(loads, direction):
-    found = Scene(paper(), tuple(replace(load, imperfection=loads[0].imperfection) for load in loads))
+def test_the_smallest_model_is_chosen_and_without_a_plane_of_symmetry_it_has_the_users_axes(loads, model, direction):
+    found = Scene(paper(), loads)
+    assert found.model == model == choose_model(loads, "auto")
     assert found.turns is (direction is None)
     assert found.direction == pytest.approx(direction or (1.0, 0.0))
 
