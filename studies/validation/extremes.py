@@ -16,7 +16,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import skfem
@@ -67,21 +67,17 @@ class Measurement(NamedTuple):
 
     @property
     def text(self) -> str:
-        """Check, number and bound in words."""
         known = not math.isnan(self.measured)
         return f"{self.check} {self.measured:.3g}, at most {self.bound:.3g}" if known else self.check
 
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """One extreme case: a path of loads, of which the last one is extreme, on a design, and its check.
+    """A path of loads, of which the last one is extreme, on a design that differs from the paper's by `changes`.
 
-    Attributes
-    ----------
-    measure : check of the states, used if the path reaches its last load; `bound` is the largest value it allows.
-    changes : fields that differ from the paper's design.
-    ends : expected statuses. If the path stops, or becomes unstable although "ok" is not expected, the last state is
-        checked instead (`stopped`, `onset`).
+    `measure` checks the states if the path reaches its last load; `bound` is the largest value it allows. `ends` are
+    the expected statuses: if the path stops, or becomes unstable although "ok" is not expected, the last state is
+    checked instead (`stopped`, `onset`).
     """
 
     name: str
@@ -98,16 +94,12 @@ class Case:
     def design(self) -> Design:
         return replace(paper(), **self.changes)  # type: ignore[arg-type]
 
-    def judged(self, found: Measurement | None, status: str) -> tuple[str, Measurement]:
+    def judged(self, found: Measurement, status: str) -> tuple[str, Measurement]:
         """Return the verdict on status and measurement, which must both be right, and the measurement's bound."""
-        if found is None:
-            return "fail", Measurement("none")
-        unknown = math.isnan(found.measured)
-        own = self.bound if math.isnan(found.bound) else found.bound
-        found = found._replace(bound=NAN if unknown else own)
-        if status not in self.ends:
-            return "fail", found
-        return "not judged" if unknown else "pass" if found.measured <= own else "fail", found
+        if math.isnan(found.measured):
+            return "not judged" if status in self.ends else "fail", found._replace(bound=NAN)
+        found = found._replace(bound=self.bound if math.isnan(found.bound) else found.bound)
+        return "pass" if status in self.ends and found.measured <= found.bound else "fail", found
 
 
 def press(*depths: float) -> tuple[Load, ...]:
@@ -123,12 +115,11 @@ def cases(*, quick: bool = False) -> list[Case]:
     found = []
     for row in rows:
         check, *numbers = row["check"].split()
-        case: Row = {"name": row["scene"], "loads": _loads(*row["loads"].split(), steps=4 if quick else 8)}
-        case["measure"] = functools.partial(globals()[check], *map(float, numbers))
-        case["bound"] = BOUNDS[level.name].get(row["bound"]) or float(row["bound"])
-        case |= {"accuracy": accuracies[row["accuracy"]], "changes": _changes(row["changes"])}
-        case |= {"magnet": row["magnet"], "model": row["model"], "ends": tuple(row["ends"].split())}
-        found.append(Case(**case))
+        loads = _loads(*row["loads"].split(), steps=4 if quick else 8)
+        measure = functools.partial(globals()[check], *map(float, numbers))
+        bound = BOUNDS[level.name].get(row["bound"]) or float(row["bound"])
+        more: Any = _changes(row["changes"]), row["magnet"], row["model"], tuple(row["ends"].split())
+        found.append(Case(row["scene"], loads, measure, bound, accuracies[row["accuracy"]], *more))
     return found
 
 
@@ -186,16 +177,18 @@ def result(rows: Sequence[Row]) -> Result:
 def examine(case: Case) -> Row:
     """Return the row of one case; an exception has the status "crashed" and its text as the message."""
     begin = time.perf_counter()
-    end, found = None, None
-    status: str
+    end, found, status = None, Measurement("none"), "crashed"
     try:
         end, found = measure(case)
         status, message = end.status, end.message
     except BadInput as error:
-        status, message, found = "bad_input", str(error), refused(case)
+        # even the tallest magnet that fits must be shorter than its own
+        share = largest_height(case.changes) / case.changes.get("magnet_height", paper().magnet_height)
+        found = Measurement("height of the tallest magnet that fits / height of this one", share, 1.0)
+        status, message = "bad_input", str(error)
     except Exception as error:
         # the study exists to find unforeseen failures, so that every exception becomes a row
-        status, message = "crashed", f"{type(error).__name__}: {error}"
+        message = f"{type(error).__name__}: {error}"
     verdict, (check, measured, bound) = case.judged(found, status)
     row: Row = {"scene": case.name, "verdict": verdict, "status": status, "message": message}
     row |= {"seconds": time.perf_counter() - begin, "check": check, "measured": measured, "bound": bound}
@@ -239,7 +232,6 @@ class StoppedError(Exception):
 
 
 def path(case: Case) -> list[Solution]:
-    """Solve the case's own path, to its last load or to the state where it stopped."""
     return trace(case.design, case.loads, case.accuracy, magnet=case.magnet, model=case.model, estimate=False)
 
 
@@ -262,7 +254,6 @@ def off(value: float, reference: float) -> float:
 
 
 def apart(one: Solution, other: Solution) -> float:
-    """Return the larger relative difference of two states in force and in energy."""
     forces = (math.hypot(*state.response.force) for state in (one, other))
     return float(np.maximum(off(*forces), off(one.energy, other.energy)))
 
@@ -274,7 +265,6 @@ def hertz(case: Case, states: Sequence[Solution]) -> Measurement:
 
 
 def work(case: Case, states: Sequence[Solution]) -> Measurement:
-    """Compare the work of the applied force between first and last state with the energy gained."""
     if case.loads[0].shear_x == case.loads[-1].shear_x:
         travel, forces = [s.load.depth for s in states], [force(s) for s in states]
     else:
@@ -288,13 +278,11 @@ def cone(_: Case, states: Sequence[Solution]) -> Measurement:
     last = states[-1]
     x, y, normal = last.response.force
     ratio = math.hypot(x, y) / (float(last.load.friction) * normal) if normal > 0 else math.inf
-    short = last.slip_share == 1 and ratio < 1
-    check = "tangential force / (mu times normal force), difference from 1"
-    return Measurement(check, 1 - ratio if short else max(ratio - 1, 0.0))
+    off_by = 1 - ratio if last.slip_share == 1 and ratio < 1 else max(ratio - 1, 0.0)
+    return Measurement("tangential force / (mu times normal force), difference from 1", off_by)
 
 
 def similarity(case: Case, states: Sequence[Solution]) -> Measurement:
-    """Compare force / (E D^2), shift / D and tilt with those of a similar design with the paper's E and D."""
     one, other = case.design, paper()
     ratio = other.D / one.D
     loads = [replace(load, depth=load.depth * ratio, shear_x=load.shear_x * ratio) for load in case.loads]
@@ -308,7 +296,6 @@ def similarity(case: Case, states: Sequence[Solution]) -> Measurement:
 
 
 def incompressible(case: Case, states: Sequence[Solution]) -> Measurement:
-    """Compare the force, which is smooth in 1 - 2 nu, with the straight line through nu = 0.4998 and 0.5."""
     near, limit = (force(follow(case, changes={**case.changes, "nu": nu})) for nu in (0.4998, 0.5))
     share = (1 - 2 * case.design.nu) / (1 - 2 * 0.4998)
     reference = limit + share * (near - limit)
@@ -330,7 +317,6 @@ def bar(case: Case, states: Sequence[Solution]) -> Measurement:
 
 
 def ordered(case: Case, states: Sequence[Solution]) -> Measurement:
-    """Check that the force grows with the magnet's height: none, HEIGHTS, then the case's own."""
     smaller = [follow(case, changes={**case.changes, "magnet_height": height}) for height in HEIGHTS]
     forces = map(force, [follow(case, magnet="ignored"), *smaller, states[-1]])
     largest = float(np.max([a / b for a, b in pairwise(forces)]))
@@ -347,7 +333,6 @@ def other_path(beyond: float, step: float, case: Case, states: Sequence[Solution
 
 
 def alone(case: Case, states: Sequence[Solution]) -> Measurement:
-    """Compare the last force of a path with that of its last load alone, on a mesh adapted to this load."""
     other = force(follow(case, case.loads[-1:]))
     return Measurement("force against that of the last load alone", off(force(states[-1]), other))
 
@@ -388,20 +373,20 @@ def folded_share(solution: Solution) -> float:
 
 def largest_height(changes: Mapping[str, float]) -> float:
     """Return the height of the tallest magnet of the design's diameter that leaves the least wall, mm, or 0."""
-    values = {name: changes.get(name, getattr(paper(), name)) for name in LENGTHS}
-    low, high = 2 * values["magnet_edge_radius"], values["D"]
+    D, L, diameter, edge = (
+        changes.get(name, getattr(paper(), name)) for name in ("D", "L", "magnet_diameter", "magnet_edge_radius")
+    )
+    low, high = 2 * edge, D
     for _ in range(60):
         middle = (low + high) / 2
-        shape = Shape(values["D"], values["L"], values["magnet_diameter"], middle, values["magnet_edge_radius"])
-        low, high = (middle, high) if shape.wall >= LEAST_WALL else (low, middle)
-    return low if low > 2 * values["magnet_edge_radius"] else 0.0
+        low, high = (middle, high) if Shape(D, L, diameter, middle, edge).wall >= LEAST_WALL else (low, middle)
+    return low if low > 2 * edge else 0.0
 
 
-# Cases that do not end with status "ok": stopped, unstable, without contact, or refused
+# Cases that do not end with status "ok": stopped, unstable, or without contact
 
 
 def stopped(case: Case, end: Solution) -> Measurement:
-    """Check the last state of a path that does not end with status "ok"."""
     if end.status == "not_converged":
         return last_good(case, end)
     symmetric = follow(case, [end.load], model="axisymmetric")
@@ -415,21 +400,14 @@ def stopped(case: Case, end: Solution) -> Measurement:
 def last_good(case: Case, end: Solution) -> Measurement:
     """Compare the last converged state with the end of a new path to its load."""
     before = [load for load in case.loads if _travel(load) < _travel(end.load)]
-    check = "last converged state against a new path to it"
+    check, rubs = "last converged state against a new path to it", end.slip_share is not None
     try:
         again = follow(case, [*before, end.load])
     except StoppedError as stop:
         short = 1 - _travel(stop.args[1].load) / _travel(end.load)
-        bound = SHORT if end.slip_share is None else RUBBED_SHORT
-        return Measurement(f"{check}: share of the load by which this stopped before it", short, bound)
-    return Measurement(check, apart(end, again), SAME if end.slip_share is None else RUBBED)
-
-
-def refused(case: Case) -> Measurement:
-    """Check a refused design: even the tallest magnet that fits must be shorter than its own."""
-    height = float(case.changes.get("magnet_height", paper().magnet_height))
-    check = "height of the tallest magnet that fits / height of this one"
-    return Measurement(check, largest_height({**case.changes}) / height, 1.0)
+        check += ": share of the load by which this stopped before it"
+        return Measurement(check, short, RUBBED_SHORT if rubs else SHORT)
+    return Measurement(check, apart(end, again), RUBBED if rubs else SAME)
 
 
 def onset(case: Case, end: Solution, why: str) -> Measurement:
