@@ -42,20 +42,14 @@ def state(true, estimate, **changes):
     return place | errors | changes
 
 
-@pytest.mark.parametrize("scene", ["press", "stick", "friction", "grip"])
 @pytest.mark.parametrize("magnet", ["rigid", "ignored"])
-def test_loads_leave_room_for_the_magnet(scene, magnet):
+def test_loads_leave_room_for_the_magnet_and_deep_presses_begin_beyond_the_others(magnet):
     for n, design in enumerate(error_study_cases.designs()):
+        scenes = ("press", "deep", "stick", "friction", "grip")
+        press, deep, *others = (error_study_cases.trial(n, magnet, scene, "auto").loads for scene in scenes)
         above = design.R - design.magnet_height / 2 if magnet == "rigid" else design.L
-        loads = error_study_cases.trial(n, magnet, scene, "auto").loads
-        assert all(load.depth <= 0.3001 * above for load in loads)
-
-
-@pytest.mark.parametrize("magnet", ["rigid", "ignored"])
-def test_deep_presses_begin_beyond_the_others_and_leave_silicone(magnet):
-    for n, design in enumerate(error_study_cases.designs()):
-        press, deep = (error_study_cases.trial(n, magnet, scene, "auto").loads for scene in ("press", "deep"))
-        assert deep[0].depth > press[-1].depth
+        assert all(load.depth <= 0.3001 * above for loads in (press, *others) for load in loads)
+        assert press[-1].depth < deep[0].depth
         assert deep[-1].depth <= 0.4501 * (design.L - design.magnet_height * (magnet == "rigid"))
 
 
@@ -156,10 +150,9 @@ def test_rules_that_cover_too_few_states_are_widened_and_carry_todays_versions(m
     assert rules(*unknown) == table_rows()
 
 
-def test_a_state_that_is_unstable_by_one_solve_only_disagrees():
-    for solves, expected in ((("ok", "unstable"), "disagrees"), (("unstable", "unstable"), "unstable")):
-        both = dict(zip(("level", "reference"), solves, strict=True))
-        assert status(both, dict.fromkeys(both, ""))[0] == expected
+@pytest.mark.parametrize(("other", "expected"), [("ok", "disagrees"), ("unstable", "unstable")])
+def test_a_state_that_is_unstable_by_one_solve_only_disagrees(other, expected):
+    assert status(other, "unstable", ("", ""))[0] == expected
 
 
 # Statistics of the study of error estimates: shares and missed goals
@@ -181,13 +174,9 @@ def test_shares_and_goals():
     assert "largest error: 3.1 %, goal at most 3 %" in missed([state(0.031, 0.04)])[0]
 
 
-def test_an_unknown_estimate_covers_nothing():
-    assert all(
-        "at most the estimate: 50 %" in said for said in missed([state(0.01, e) for e in (0.015, math.nan)] * 4)
-    )
-
-
-def test_states_without_a_comparison_miss_a_goal():
+def test_an_unknown_estimate_covers_nothing_and_states_without_a_comparison_miss_a_goal():
+    half = missed([state(0.01, e) for e in (0.015, math.nan)] * 4)
+    assert all("at most the estimate: 50 %" in said for said in half)
     for ended in ("crashed", "disagrees"):
         lost = missed([state(0.01, 0.015), state(0.0, 0.0, status=ended)])
         assert lost == ["states without a comparison: 1, goal at most 0"]
@@ -203,7 +192,7 @@ def analysed(scene):
     return one, [tangent_rows(one, load) for load in one.trial.loads]
 
 
-def test_the_study_judges_the_errors_of_a_critical_state_that_a_user_gets():
+def test_the_study_judges_what_a_user_gets_of_critical_states_small_shears_and_frequencies():
     _, ((row,),) = analysed("critical")
     critical = stability.critical(paper(), accuracy=QUICK)
     assert row["status"] == "ok"
@@ -212,18 +201,12 @@ def test_the_study_judges_the_errors_of_a_critical_state_that_a_user_gets():
     estimates = critical.estimates.depth, critical.estimates.force
     assert (row["depth_estimate"], row["force_estimate"]) == pytest.approx(estimates, rel=1e-7)
     assert row["depth_error"] == pytest.approx(abs(row["depth"] / row["reference_depth"] - 1))
-
-
-def test_the_study_judges_the_errors_of_a_small_shear_that_a_user_gets():
     one, rows = analysed("small shear")
     assert [row["depth_mm"] for (row,) in rows] == [load.depth for load in one.trial.loads]
     (last,) = rows[-1]
     shear = small_shear.small_shear(paper(), last["depth_mm"], accuracy=QUICK)
     for name in ("stiffness", "shift", "tilt"):
         assert last[f"{name}_estimate"] == getattr(shear.estimates, name)
-
-
-def test_the_study_judges_every_frequency():
     one, (free, pressed) = analysed("modes")
     assert len(free) == len(pressed) == COUNT
     eight = modes.modes(paper(), count=COUNT, depth=one.trial.loads[1].depth, accuracy=QUICK)
@@ -234,11 +217,8 @@ def test_the_study_judges_every_frequency():
 
 def test_a_beam_that_does_not_give_way_is_listed():
     one = task("critical", number=5)
-    (row,) = tangent_rows(replace_reference(one), one.trial.loads[0])
+    # with its level as the reference, which is solved in a moment
+    one = one._replace(reference=replace(one.level, name="reference"))
+    (row,) = tangent_rows(one, one.trial.loads[0])
     assert row["status"] == "stable"
     assert accuracy_study.summary(pd.DataFrame([row])) == []
-
-
-def replace_reference(one):
-    """The same trial with its level as the reference, which is solved in a moment."""
-    return one._replace(reference=replace(one.level, name="reference"))

@@ -1,7 +1,6 @@
 """The study of cost and error: its plan, a reduced run on two designs, and its files."""
 
 import contextlib
-import csv
 import io
 import json
 import math
@@ -17,10 +16,9 @@ from studies.cli import entry_point
 from studies.mechanics import model_choice
 from studies.mechanics.model_choice import Statement
 from studies.output import atomic_files, goals, result
-from studies.validation import trade, trade_study
+from studies.validation import trade
 from studies.validation.error_study_cases import designs
-from studies.validation.trade import FILES
-from studies.validation.trade_study import (
+from studies.validation.trade import (
     COLUMNS,
     KINDS,
     PLAN,
@@ -32,64 +30,55 @@ from studies.validation.trade_study import (
     true_errors,
 )
 
-MODELS = {kind: PLAN[kind]["models"] for kind in KINDS}
-RUNS = {(kind, model): counts for kind in KINDS for model, counts in PLAN[kind]["runs"].items()}
+LEVELS = ("quick", "standard", "fine")
 COMMAND = ("validate", "trade", "--quick", "--designs", "2", "--json")
 
 
 def test_the_whole_plan_runs_every_model_at_every_level_that_is_not_excluded():
-    runs, _ = trade_study.plan()
+    runs, _ = trade.plan()
     cells = {(one.kind, one.model, one.level) for one in runs}
-    excluded = {
-        (*place, level)
-        for place, counts in RUNS.items()
-        for level, count in zip(("quick", "standard", "fine"), counts, strict=True)
-        if count == 0
-    }
     everything = {
         (kind, model, level)
-        for kind in trade_study.KINDS
-        for model in MODELS[kind]
-        for level in ("quick", "standard", "fine")
+        for kind in KINDS
+        for model in PLAN[kind]["models"]
+        for level, count in zip(LEVELS, PLAN[kind]["runs"].get(model, (1, 1, 1)), strict=True)
+        if count
     }
-    assert {cell for cell in cells if cell[1] not in trade_study.CALCULATED} == everything - excluded
+    assert {cell for cell in cells if cell[1] not in trade.CALCULATED} == everything
     surrogate = {(kind, level) for kind, model, level in cells if model == "surrogate"}
     assert surrogate == {("press", "shipped"), ("glued shear", "shipped")}
     assert {level for kind, model, level in cells if model == "formula"} == set(beam.LEVELS)
 
 
 def test_every_run_has_a_reference():
-    for runs, finenesses in (trade_study.plan(), trade_study.plan(confirm=True), trade_study.plan(2, quick=True)):
+    for runs, finenesses in (trade.plan(), trade.plan(confirm=True), trade.plan(2, quick=True)):
         assert {(one.trial.number, one.kind) for one in runs} == set(finenesses)
 
 
-@pytest.fixture(scope="module")
-def reduced(tmp_path_factory):
-    """Folder and rows of `magtip validate trade --quick` on two designs."""
-    folder = tmp_path_factory.mktemp("trade")
-    # of an earlier run with --confirm
-    atomic_files.write_text(folder / "confirm.csv", "kind")
-    with contextlib.redirect_stdout(io.StringIO()) as out, pytest.MonkeyPatch.context() as patch:
-        patch.setattr(trade_study, "REPEATS", dict.fromkeys(trade_study.REPEATS, 1))
-        assert entry_point.main([*COMMAND, "--out", str(folder)]) == 0
-    return folder, [json.loads(line) for line in out.getvalue().splitlines()]
+def test_a_reduced_run_measures_errors_and_costs_and_writes_all_files(tmp_path, monkeypatch):
+    """On two designs; the table of an earlier confirmation does not stay."""
+    atomic_files.write_text(tmp_path / "confirm.csv", "kind")
+    monkeypatch.setattr(trade, "REPEATS", dict.fromkeys(trade.REPEATS, 1))
+    solve_apart, solved = trade.bench.magtip, []
 
+    def once(task):
+        """A process of its own for the first path; the others cost as much."""
+        solved.append(solved[0] if solved else solve_apart(task))
+        return solved[-1]
 
-def test_a_reduced_run_measures_errors_and_costs(reduced):
-    cell = next(row for row in reduced[1] if (row["kind"], row["model"]) == ("press", "axisymmetric"))
+    monkeypatch.setattr(trade.bench, "magtip", once)
+    with contextlib.redirect_stdout(io.StringIO()) as out:
+        assert entry_point.main([*COMMAND, "--out", str(tmp_path)]) == 0
+    rows = [json.loads(line) for line in out.getvalue().splitlines()]
+    cell = next(row for row in rows if (row["kind"], row["model"]) == ("press", "axisymmetric"))
     assert 0 < cell["force_p95_percent"] < 3
     assert 0 < cell["cpu_s"] < 60
     assert 1 < cell["peak_MB"] < 2000
-    calculated = [row for row in reduced[1] if row["model"] in trade_study.CALCULATED]
+    calculated = [row for row in rows if row["model"] in trade.CALCULATED]
     assert all(0 < row["cpu_s"] < 1 and row["peak_MB"] == 0 for row in calculated)
-
-
-def test_a_reduced_run_writes_all_files(reduced):
-    folder, _ = reduced
-    assert {path.name for path in folder.glob("[!.]*")} >= set(FILES) - {"confirm.csv"}
-    assert not (folder / "confirm.csv").exists()
-    table = list(csv.DictReader((folder / "trade.csv").open(encoding="utf-8")))
-    assert {row["model"] for row in table} == {"formula", "surrogate", "axisymmetric", "harmonic"}
+    assert {path.name for path in tmp_path.glob("[!.]*")} == set(trade.FILES) - {"confirm.csv"}
+    table = pd.read_csv(tmp_path / "trade.csv")
+    assert set(table.model) == {"formula", "surrogate", "axisymmetric", "harmonic"}
 
 
 def test_the_number_of_designs_is_checked(refusal):
@@ -102,7 +91,7 @@ def test_the_number_of_designs_is_checked(refusal):
 def test_the_chosen_designs_span_the_range():
     chosen = designs("trade")
     ratios = [design.L / design.D for design in chosen]
-    assert len(chosen) == trade_study.STUDIED
+    assert len(chosen) == trade.STUDIED
     assert (min(ratios), max(ratios)) == (0.6, 6.0)
     assert (min(d.nu for d in chosen), max(d.nu for d in chosen)) == (0.45, 0.4999)
     assert {d.law for d in chosen} == {"neo-hookean", "mooney-rivlin", "yeoh", "ogden"}
@@ -112,8 +101,8 @@ def test_the_chosen_designs_span_the_range():
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("confirm", [True, False])
 def test_every_model_can_carry_the_loads_of_its_kind(kind, confirm):
-    for number in range(trade_study.CONFIRMED if confirm else trade_study.STUDIED):
-        for model in MODELS[kind]:
+    for number in range(trade.CONFIRMED if confirm else trade.STUDIED):
+        for model in PLAN[kind]["models"]:
             one = trial(number, kind, model, confirm=confirm)
             assert Scene(one.design, one.loads, magnet=one.magnet, model=model).model == model
 
@@ -131,18 +120,15 @@ def table(values, bars=(), scales=(math.nan,) * 3):
 def errors(answer, reference):
     """Error and bar of each quantity that has one."""
     (found,) = true_errors(table(answer), reference, np.zeros(1)).to_dict("records")
-    pairs = {name: (found[f"{name}_error_percent"], found[f"{name}_bar_percent"]) for name in trade_study.QUANTITIES}
+    pairs = {name: (found[f"{name}_error_percent"], found[f"{name}_bar_percent"]) for name in trade.QUANTITIES}
     return {name: pair for name, pair in pairs.items() if not math.isnan(pair[0])}
 
 
 def with_errors(state, errors):
-    columns = {
-        f"{name}_{kind}_percent": value
-        for name, pair in errors.items()
-        for kind, value in zip(("error", "bar"), pair, strict=True)
-    }
-    unknown = {f"{name}_{kind}_percent": math.nan for name in trade_study.QUANTITIES for kind in ("error", "bar")}
-    return state | unknown | columns
+    unknown = {f"{name}_{kind}_percent": math.nan for name in trade.QUANTITIES for kind in ("error", "bar")}
+    for name, (error, bar) in errors.items():
+        unknown |= {f"{name}_error_percent": error, f"{name}_bar_percent": bar}
+    return state | unknown
 
 
 def statements(states):
@@ -189,7 +175,7 @@ def state(percent, model="axisymmetric", level="quick", **changes):
     place |= {"friction": "none", "status": "ok", "message": "", "along_N": math.nan, "bar": 0.0}
     place |= {"cpu_s": 1.0, "peak_MB": 30.0, "cost": 0.5} | changes
     errors = dict.fromkeys(("force", "shift"), (percent, place.pop("bar")))
-    depth = trade_study.trial(place["design"], place["kind"], "auto", confirm=place["confirming"]).loads[0].depth
+    depth = trade.trial(place["design"], place["kind"], "auto", confirm=place["confirming"]).loads[0].depth
     return with_errors({"depth_mm": depth} | place, place.pop("errors", errors))
 
 
@@ -207,21 +193,16 @@ STATES = [
 ]
 
 
-def test_a_cell_holds_median_percentile_and_largest_error():
+def test_a_cell_holds_median_percentile_and_largest_error_of_what_counts():
+    """Formulas and the surrogate count inside their ranges only."""
     found = cell("axisymmetric", "quick")
     names = ("force_median_percent", "force_p95_percent", "largest_percent")
     assert [found[name] for name in names] == [0.5, 1.0, 1.0]
     assert (found["designs"], found["solved"], found["cost"]) == (3, 3, 0.5)
     assert found["unclear_percent"] == pytest.approx(100 / 3)
     assert math.isnan(found["tilt_median_percent"])
-
-
-def test_a_formula_counts_inside_its_range_only():
     found = cell("formula", "finite")
     assert (found["solved"], found["states"], found["largest_percent"]) == (2, 3, 4.0)
-
-
-def test_the_surrogate_counts_inside_its_range_only_in_errors_and_cost():
     found = cell("surrogate", "shipped")
     assert (found["solved"], found["states"], found["largest_percent"]) == (2, 3, 0.8)
     assert (found["cpu_s"], found["cost"]) == pytest.approx((6e-3, 0.012))
@@ -314,7 +295,7 @@ def test_a_confirmation_without_a_judged_case_misses_its_goals():
 
 def sheared(along, sideways, along_N, *, level="quick", confirming=True):
     """A glued shear with an error of the force along it, over the unpressed beam's and over itself, percent."""
-    load = trade_study.trial(0, "glued shear", "auto", confirm=confirming).loads[0]
+    load = trade.trial(0, "glued shear", "auto", confirm=confirming).loads[0]
     errors = dict.fromkeys(("force", "shift", "tilt"), (0.1, 0.0))
     errors |= {"along": (along, 0.0), "sideways": (sideways, 0.0)}
     place = {"kind": "glued shear", "confirming": confirming, "along_N": along_N, "shear_mm": load.shear_x}
@@ -339,7 +320,7 @@ def sheared_rule():
 )
 def test_a_force_along_a_shear_that_nearly_vanishes_asks_for_a_finer_model(share, model, status):
     design = designs("trade_random")[0]
-    load = trade_study.trial(0, "glued shear", "auto", confirm=True).loads[0]
+    load = trade.trial(0, "glued shear", "auto", confirm=True).loads[0]
     along = share * buckling.sideways_stiffness(design) * load.shear_x
     states = [sheared(0.1, 0.1 / max(share, 1e-9), along, level=level) for level in ("quick", "standard", "fine")]
     (result,) = [each for each in confirm(states, sheared_rule()) if each["tolerance"] == 0.01]
@@ -354,12 +335,12 @@ def test_what_formulas_and_surrogate_refuse_is_a_state(tmp_path):
         Run("friction", trial(0, "friction", "auto"), "formula", "finite"),
         Run("press", trial(1, "press", "auto"), "surrogate", "shipped"),
     ]
-    found = trade_study.answers(runs, store=tmp_path / "s.sqlite")
+    found = trade.answers(runs, store=tmp_path / "s.sqlite")
     upright = found[found.shear_mm == 0]
     assert upright[["tilt_rad", "sideways_N"]].isna().all(axis=None)
     assert found[found.design == 1][READINGS].isna().all(axis=None)
     no_reference = extrapolated(found.iloc[:0].assign(size=[]))
-    rows = trade_study.judged(runs, found, no_reference.join(full_scales(no_reference, {})), confirm=False)
+    rows = trade.judged(runs, found, no_reference.join(full_scales(no_reference, {})), confirm=False)
     for _, last in rows.groupby("kind").last().iterrows():
         assert last.status == "refused"
         assert last.message

@@ -7,6 +7,7 @@ of the reference, then error and estimate of each quantity.
 """
 
 import math
+import tomllib
 from collections.abc import Sequence
 from functools import cache, partial
 from itertools import product
@@ -23,7 +24,7 @@ from fem.physics_version import PHYSICS
 from fem.results.error_estimates import table_rows
 from fem.scene import Model, Scene
 from geometry.bad_input import SolveFailed
-from geometry.loads import Load, Magnet
+from geometry.loads import Load
 from geometry.messages import Progress
 from studies import cases
 from studies.cases import FemModel
@@ -57,20 +58,16 @@ COVERAGE, SHARPNESS, SHARP, CLEAR = 0.95, 0.5, 3.0, 3e-4
 """Goals of coverage and sharpness; an estimate is sharp up to SHARP true errors, or up to CLEAR in any case."""
 LEAST_STATES = 8
 """Coverage and sharpness of fewer states are not compared with their goals."""
-FINE_SHEARS = (0, 1, 2, 3)
-FAR_SHEARS: dict[Magnet, Sequence[int]] = {"rigid": range(error_study_cases.DESIGNS), "ignored": range(2)}
-SOLIDS, PRESSED, CHECKED, UNHELD = (0, 3), (0, 3, 7), (0, 6), range(0, error_study_cases.DESIGNS, 2)
-"""Designs of the parts of the study: FINE_SHEARS are also sheared at level fine and FAR_SHEARS are sheared far;
-SOLIDS are sheared and PRESSED are pressed with tetrahedra; the reference of CHECKED is compared with a finer one; the
-tangents of UNHELD are also solved without a magnet. Design 7 has little silicone above its magnet."""
+PLAN: Row = tomllib.loads(Path(__file__).with_name("accuracy_plan.toml").read_text("utf-8"))
+FINE_SHEARS = range(4)
+"""Designs that are sheared, and whose tangents are solved, at level fine."""
 NOTHING = 1e-6
 """Shift in mm, tilt in rad or force along the shear in N below which a relative error has no meaning."""
+SIZES = ("D", "L", "nu", "magnet_diameter", "magnet_height", "magnet_edge_radius")
 COUNT = 8
 """Number of natural frequencies of each trial."""
 UNSTABLE = ("unstable", "stable")
 """Statuses of a path beyond its instability, and of a search that found none: no error can be measured."""
-DISAGREES = "disagrees"
-"""Status of a state that is stable, or has an answer, by one of its two solves only."""
 
 
 class Task(NamedTuple):
@@ -82,33 +79,17 @@ class Task(NamedTuple):
 
 
 def tasks(*, quick: bool = False) -> list[Task]:
-    """Return all tasks, the fast ones first; if quick, two designs at level quick and a coarser reference."""
-
-    def task(number: int, magnet: Magnet, scene: str, level: str, model: Model = "auto") -> Task:
-        reference = error_study_cases.reference(scene, 0 if quick else 1)
-        return Task(error_study_cases.trial(number, magnet, scene, model), LEVELS[level], reference)
-
-    if quick:
-        chosen = [task(n, "rigid", scene, "quick") for scene in ("press", "stick") for n in (0, 1)]
-        return chosen + [task(0, "rigid", scene, "quick") for scene in TANGENT_SCENES]
-    names, usual, numbers = tuple(LEVELS), tuple(LEVELS)[:2], range(error_study_cases.DESIGNS)
-    magnets: Sequence[Magnet] = ("rigid", "ignored")
-    chosen = [task(n, m, s, name) for s in ("press", "deep") for name in names for m in magnets for n in numbers]
-    for scene, number in product(("press", "stick"), CHECKED):
-        used, finer = (error_study_cases.reference(scene, fineness) for fineness in (1, 2))
-        chosen.append(Task(error_study_cases.trial(number, "rigid", scene, "auto"), used, finer))
-    chosen += [task(n, "rigid", "friction", name) for n in numbers for name in usual]
-    for magnet in magnets:
-        chosen += [task(n, magnet, s, name) for s in ("stick", "grip") for n in numbers for name in usual]
-        chosen += [task(n, magnet, "far", name) for n in FAR_SHEARS[magnet] for name in usual]
-        chosen += [task(n, magnet, s, "fine") for s in ("stick", "grip") for n in FINE_SHEARS]
-        for scene, solids in (("press", PRESSED), ("stick", SOLIDS)):
-            chosen += [task(n, magnet, scene, name, "half") for name in usual for n in solids]
-    for scene, magnet in product(TANGENT_SCENES, magnets):
-        these = numbers if magnet == "rigid" else UNHELD
-        chosen += [task(n, magnet, scene, name) for n in these for name in usual]
-        chosen += [task(n, magnet, scene, "fine") for n in these if n in FINE_SHEARS]
-    return chosen
+    """Return all tasks of PLAN, the fast ones first; if quick, with coarser references."""
+    every = {"levels": ["quick", "standard"], "magnets": ["rigid"], "model": "auto"}
+    every["designs"] = range(error_study_cases.DESIGNS)
+    found = []
+    for row in (every | one for one in PLAN["quick" if quick else "full"]):
+        for scene, level, magnet, number in product(*(row[k] for k in ("scenes", "levels", "magnets", "designs"))):
+            usual, finer = (error_study_cases.reference(scene, k) for k in ((0, 1) if quick else (1, 2)))
+            pair = (usual, finer) if level == "reference" else (LEVELS[level], usual)
+            if level != "fine" or scene in ("press", "deep") or number in FINE_SHEARS:
+                found.append(Task(error_study_cases.trial(number, magnet, scene, row["model"]), *pair))
+    return found
 
 
 def run(progress: Progress, *, quick: bool = False, store: Path | None = None) -> Result:
@@ -182,10 +163,8 @@ def compare(paths: Sequence[tuple[Task, Load]], level: pd.DataFrame, reference: 
     `path` is the scene of the whole path. There is no error where the reference is (nearly) zero.
     """
     table = pd.DataFrame(place(one, load) for one, load in paths)
-    states = [
-        status({"level": a, "reference": b}, {"level": c, "reference": d})
-        for a, b, c, d in zip(level.status, reference.status, level.message, reference.message, strict=True)
-    ]
+    said = zip(level.message, reference.message, strict=True)
+    states = [status(*each) for each in zip(level.status, reference.status, said, strict=True)]
     table["status"], table["message"] = zip(*states, strict=True) if states else ((), ())
     columns = list(dict.fromkeys(column for names in RESPONSES.values() for column in names))
     values, true = (
@@ -219,19 +198,20 @@ def place(one: Task, load: Load) -> Row:
     }
 
 
-def status(statuses: dict[str, str], messages: dict[str, str]) -> tuple[str, str]:
+def status(level: str, reference: str, messages: tuple[str, str]) -> tuple[str, str]:
     """Return status and message of a state from those of its solves.
 
-    >>> status({"level": "ok", "reference": "unstable"}, {"level": "", "reference": "since 1 mm"})
+    It disagrees if it is stable, or has an answer, by one of them only.
+
+    >>> status("ok", "unstable", ("", "since 1 mm"))
     ('disagrees', 'reference: since 1 mm')
     """
-    bad = [name for name, each in statuses.items() if each != "ok"]
+    solves = zip(("level", "reference"), (level, reference), messages, strict=True)
+    bad = [(each, f"{name}: {message}") for name, each, message in solves if each != "ok"]
     if not bad:
         return "ok", ""
-    found = statuses[bad[0]]
-    if found in UNSTABLE and len(set(statuses.values())) > 1:
-        found = DISAGREES
-    return found, "; ".join(f"{name}: {messages[name]}" for name in bad)
+    found = "disagrees" if bad[0][0] in UNSTABLE and level != reference else bad[0][0]
+    return found, "; ".join(said for _, said in bad)
 
 
 # Critical depths, small shears and frequencies
@@ -239,11 +219,11 @@ def status(statuses: dict[str, str], messages: dict[str, str]) -> tuple[str, str
 
 def tangent_rows(one: Task, load: Load) -> list[Row]:
     """Return the row of a critical state or a small shear with its errors, or one for each natural frequency."""
-    solves = {"level": (one.level, True), "reference": (one.reference, False)}
-    found = {name: analysed(one.trial, load.depth, *how) for name, how in solves.items()}
-    level, truth = (state for state, _ in found.values())
-    statuses = {name: state if isinstance(state, str) else "ok" for name, (state, _) in found.items()}
-    reached, message = status(statuses, {name: why for name, (_, why) in found.items()})
+    (level, why), (truth, why_not) = (
+        analysed(one.trial, load.depth, accuracy, accuracy is one.level) for accuracy in (one.level, one.reference)
+    )
+    statuses = (state if isinstance(state, str) else "ok" for state in (level, truth))
+    reached, message = status(*statuses, (why, why_not))
     row = place(one, load) | {"status": reached, "message": message}
     if reached != "ok":
         return [row]
@@ -319,18 +299,18 @@ def statistics(errors: pd.DataFrame, *by: str) -> list[Row]:
     `coverage` is the share of the states whose true error is at most the estimate, `sharpness` the share of those
     whose estimate is at most SHARP times the true error, or at most CLEAR.
     """
-    rows = []
-    for values, group in errors.groupby(list(by), sort=False):
-        for quantity, own in group.groupby("quantity", observed=True):
-            true, estimate = own.error.to_numpy(), own.estimate.to_numpy(dtype=float)
-            row = dict(zip(by, values, strict=True)) | {"quantity": str(quantity), "states": len(own)}
-            row |= {
-                "median_percent": 100 * float(np.median(true)),
-                "p95_percent": 100 * pages.percentile(own.error, 95),
-            }
-            row |= {"max_percent": 100 * float(true.max()), "coverage": float((true <= estimate).mean())}
-            rows.append(row | {"sharpness": float((estimate <= np.maximum(SHARP * true, CLEAR)).mean())})
-    return rows
+    percent, sharp = 100 * errors.error, errors.estimate <= np.maximum(SHARP * errors.error, CLEAR)
+    rows = errors.assign(percent=percent, covered=errors.error <= errors.estimate, sharp=sharp)
+    groups = rows.astype({"quantity": str}).groupby([*by, "quantity"], sort=False)
+    table = groups.agg(
+        states=("percent", "size"),
+        median_percent=("percent", "median"),
+        p95_percent=("percent", partial(pages.percentile, percent=95)),
+        max_percent=("percent", "max"),
+        coverage=("covered", "mean"),
+        sharpness=("sharp", "mean"),
+    )
+    return pages.records(table.reset_index())
 
 
 def summary(states: pd.DataFrame) -> list[Row]:
@@ -354,8 +334,8 @@ def shares(states: pd.DataFrame) -> list[Row]:
     rows = []
     for row in statistics(errors, *place[:2]):
         first = {name: row[name] for name in place}
-        for designs, own in (("all", row), ("odd", odd.get(tuple(first.values())))):
-            rows += [first | {"designs": designs} | own] if own else []
+        own = {"all": row, "odd": odd.get(tuple(first.values()))}
+        rows += [first | {"designs": designs} | each for designs, each in own.items() if each]
     return rows
 
 
@@ -413,9 +393,6 @@ def result(states: pd.DataFrame, *, quick: bool) -> Result:
     """Return the result of states: its tables are all states, and the rules that hold in them."""
     estimates, levels, rows = shares(states), summary(states), pages.records(states)
     scenes = (("press", "press"), ("stick and grip", "stick"), ("friction", "friction"), ("tangents", "modes"))
-    names = ("D", "L", "nu", "magnet_diameter", "magnet_height", "magnet_edge_radius")
-    designs = error_study_cases.designs()
-    first = ("scene", "quantity", "states", "median_percent", "coverage")
     page = {
         "states": rows,
         "estimates": estimates,
@@ -423,11 +400,13 @@ def result(states: pd.DataFrame, *, quick: bool) -> Result:
         "references": references(states),
         "meshes": [f"{name}: `{error_study_cases.reference(scene, 0 if quick else 1)}`" for name, scene in scenes],
         "designs": [
-            {"design": k} | {name: getattr(designs[k], name) for name in names} for k in sorted(set(states.design))
+            {"design": k} | {name: getattr(error_study_cases.designs()[k], name) for name in SIZES}
+            for k in sorted(set(states.design))
         ],
         "physics": ", ".join(f"{name} {number}" for name, number in PHYSICS.items()),
     }
     tables = {"Estimates": estimates, "Levels": levels}
+    first = ("scene", "quantity", "states", "median_percent", "coverage")
     more: Row = {"records": [*estimates, *levels], "goals": goals(states), "digits": 9}
     more["tables"] = {"accuracy": rows, "error_rules": rules(states)}
     more["shown"] = [Table(title=title, rows=table, first=first) for title, table in tables.items()]
