@@ -25,6 +25,7 @@ from studies import cases
 from studies.calibration import calibrated_forces, calibration_study, sensor_fit
 from studies.calibration.bench_file import Bench
 from studies.calibration.sensor_fit import Sensor
+from studies.calibration.simulated_bench import FORCE_NOISE, READING_NOISE, STAND_COMPLIANCE, STAND_ZERO
 from studies.output.goals import Goal
 from studies.output.result import Result, Table
 from studies.sensitivity.made_sensors import MadeSensors, made_readings, made_sensors, tolerances
@@ -38,10 +39,8 @@ ROWS, MANY, UNSEEN = 30, 3000, 200
 """Rows of a calibration, of the large regression, and rows that are decoded."""
 DEPTHS, SHEARS = np.linspace(0.15, 2.3, 9), np.linspace(0.0, 1.0, 4)
 """Depths, mm, and shears over depth and over 1, of the solved states; shears end at the edge of the stick range."""
-FORCE_NOISE, READING_NOISE, HYSTERESIS = 0.02, 2.5e-4, 0.01
-"""Standard deviations of forces, N, and readings, V; half of the relative width of the loop of the force."""
-STAND_ZERO, STAND_COMPLIANCE = 0.1, 0.004
-"""mm, and mm/N."""
+HYSTERESIS = 0.01
+"""Half of the relative width of the loop of the force."""
 ENOUGH = 100
 """Least number of sensors for goals of single unknowns."""
 LAW: dict[str, Any] = {"law": "yeoh", "yeoh_2": 0.02}
@@ -95,8 +94,8 @@ def truth_of(made: MadeSensors, un: sensor_fit.Unknowns, base: Design) -> dict[s
     assert design is not None
     values = {"modulus": design.E / base.E, "remanence": design.remanence / base.remanence}
     values |= {"stand_zero": STAND_ZERO, "stand_compliance": STAND_COMPLIANCE}
-    for name in ("diameter", "height"):
-        values[f"wider_{name}"] = getattr(design, f"magnet_{name}") - getattr(base, f"magnet_{name}")
+    values |= {"wider_diameter": design.magnet_diameter - base.magnet_diameter}
+    values |= {"wider_height": design.magnet_height - base.magnet_height}
     values |= {f"magnet_{axis}": v for axis, v in zip("xyz", made.magnet_offset[0].tolist(), strict=True)}
     values |= {f"tilt_{axis}": v for axis, v in zip("xy", made.magnet_tilt[0].tolist(), strict=True)}
     for i, name in enumerate(("S1", "S2", "S3")):

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from analytic.decode import Decoder
@@ -51,6 +52,16 @@ ROWS, SERIES, ON_TARGET, HOSTILE = 20_000, 2_000, 2_000, 1_000_000
 QUICK = 100
 """Factor by which --quick has fewer rows."""
 MOST_ERROR, MOST_INSTRUCTIONS, MOST_RAM = 0.5, 100_000, 4096
+GOALS = (
+    ("force beside Python", "force_percent", MOST_ERROR, "% of full scale"),
+    ("force of time series", "series_force_percent", MOST_ERROR, "% of full scale"),
+    ("force on the target", "target_force_percent", MOST_ERROR, "% of full scale"),
+    ("rows with another status, without folds", "statuses_percent", 0.1, "%"),
+    ("rows of time series with another status", "series_statuses_percent", 0.1, "%"),
+    ("instructions of a decoding", "instructions_most", MOST_INSTRUCTIONS, ""),
+    ("RAM with stack", "ram_bytes", MOST_RAM, "bytes"),
+)
+"""Name, column, largest value and unit; statuses count without the last design, whose readings have folds."""
 STEP = 1e-3
 """Height about rest, mm, within which rows are left out of the errors: there the decoder's lateral force has a step,
 between a plate that does not touch and one that does."""
@@ -191,31 +202,29 @@ def calibration(folder: Path) -> Path:
 
 def judge(name: str, fields: dict[str, Any], level: str, flash: str, fewer: int) -> Row:
     """Return the row of one case."""
-    if level == "calibrated":
-        with tempfile.TemporaryDirectory() as place:
-            firmware = decoder_export.prepare(Design(**fields), None, None, flash, None, calibration(Path(place)))
-    else:
-        firmware = decoder_export.prepare(Design(**fields), level, None, flash)
-    coder, rng = firmware.coder, np.random.default_rng(1)
-    outputs, shift = random_outputs(coder, ROWS // fewer, rng)
-    series, times = series_outputs(coder, max(SERIES // fewer, 200), rng)
-    expected = decoder_export.reference(coder, firmware.made, outputs)
-    over_time = decoder_export.reference(coder, firmware.made, series, times)
-    full, seconds = float(np.nanmax(np.abs(expected["force"]))), np.diff(times, prepend=times[0])
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)
+        found = calibration(folder) if level == "calibrated" else None
+        own = None if level == "calibrated" else level
+        firmware = decoder_export.prepare(Design(**fields), own, None, flash, None, found)
+        coder, rng = firmware.coder, np.random.default_rng(1)
+        outputs, shift = random_outputs(coder, ROWS // fewer, rng)
+        series, times = series_outputs(coder, max(SERIES // fewer, 200), rng)
+        expected = decoder_export.reference(coder, firmware.made, outputs)
+        over_time = decoder_export.reference(coder, firmware.made, series, times)
+        full, seconds = float(np.nanmax(np.abs(expected["force"]))), np.diff(times, prepend=times[0])
         write_header(firmware, folder)
         host = compiled(folder, "gcc", [*STRICT, "-O2"])
-        found = differences(answers(host, outputs), expected, full, shift)
+        off = differences(answers(host, outputs), expected, full, shift)
         timed = differences(answers(host, series, seconds), over_time, full)
         program, size, ram = for_target(folder)
         few = slice(ON_TARGET // fewer)
         there, timed_there = answers(program, outputs[few]), answers(program, series, seconds)
     target = differences(there, {k: v[few] for k, v in expected.items()}, full, shift[:, few])
     both = [target, differences(timed_there, over_time, full)]
-    found |= {f"series_{key}": timed[key] for key in ("statuses_percent", "force_percent")}
+    off |= {f"series_{key}": timed[key] for key in ("statuses_percent", "force_percent")}
     used = np.concatenate([there, timed_there])
-    return {"design": name, "flash": flash, **found} | {
+    return {"design": name, "flash": flash, **off} | {
         "target_force_percent": max(one["force_percent"] for one in both),
         "instructions_median": int(np.median(used["instructions"])),
         "instructions_most": int(used["instructions"].max()),
@@ -243,27 +252,17 @@ def run(progress: Progress, *, quick: bool = False) -> Result:
         write_header(firmware, Path(place))
         program = compiled(Path(place), "gcc", [*SANITIZED, "-Wall", "-Wextra"])
         faults, share = hostile_faults(program, firmware.coder, HOSTILE // fewer)
-    full, n = "% of full scale", len(rows)
-
-    def most(key: str, among: Sequence[Row] = rows) -> float:
-        return float(max(row[key] for row in among))
-
-    goals = [
-        Goal("force beside Python", most("force_percent"), MOST_ERROR, n, full),
-        Goal("force of time series", most("series_force_percent"), MOST_ERROR, n, full),
-        Goal("force on the target", most("target_force_percent"), MOST_ERROR, n, full),
-        Goal("rows with another status, without folds", most("statuses_percent", rows[:-1]), 0.1, n - 1, "%"),
-        Goal("rows of time series with another status", most("series_statuses_percent", rows[:-1]), 0.1, n - 1, "%"),
-        Goal("instructions of a decoding", most("instructions_most"), MOST_INSTRUCTIONS, n),
-        Goal("RAM with stack", most("ram_bytes"), MOST_RAM, n, "bytes"),
-    ]
-    for flash in ("64k", "16k"):
-        size = most("flash_bytes", [row for row in rows if row["flash"] == flash])
-        goals.append(Goal(f"flash with --flash {flash}", size, decoder_export.bytes_of(flash), n, "bytes"))
+    table = pd.DataFrame(rows)
+    goals = []
+    for name, column, bound, unit in GOALS:
+        among = table.iloc[: -1 if "status" in name else None]
+        goals.append(Goal(name, float(among[column].max()), bound, len(among), unit))
+    for flash, own in table.groupby("flash", sort=False):
+        size, most = int(own.flash_bytes.max()), decoder_export.bytes_of(str(flash))
+        goals.append(Goal(f"flash with --flash {flash}", size, most, len(own), "bytes"))
     goals.append(Goal("faults under hostile readings", faults, 0, HOSTILE // fewer))
     tools = ("gcc", "arm-none-eabi-gcc", "qemu-system-arm")
-    versions = [_run([tool, "--version"], HERE).splitlines()[0] for tool in tools]
-    page: Row = {"rows": rows, "share": share}
-    page |= {"singles": ROWS // fewer, "hostile": HOSTILE // fewer, "presses": PRESSES, "step_um": 1e3 * STEP}
-    page["versions"] = versions
+    page: Row = {"rows": rows, "share": share, "singles": ROWS // fewer, "hostile": HOSTILE // fewer}
+    page |= {"presses": PRESSES, "step_um": 1e3 * STEP}
+    page["versions"] = [_run([tool, "--version"], HERE).splitlines()[0] for tool in tools]
     return pages.study("firmware", "Firmware", rows, page, goals=goals)

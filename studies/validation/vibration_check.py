@@ -51,7 +51,6 @@ class Case(NamedTuple):
 
 
 def cases(*, quick: bool = False) -> list[Case]:
-    """Return all cases; if quick, two of the first design."""
     chosen = []
     for number, design in enumerate(designs()[: 1 if quick else None]):
         chosen.append(Case(number, "free", design, Load()))
@@ -139,7 +138,6 @@ def judge(
 
 
 def _gain(rule: VibrationQuantity, curves: Curves, fine: Curves) -> Complex:
-    """Return the gain of a quantity; a reading is that of the element which the fine mesh names first."""
     if rule == "base":
         return curves.along
     assert curves.force is not None
