@@ -425,13 +425,17 @@ class History:
 
     def stored(self, now: PointState) -> float:
         """Return the energy stored by the isochoric stresses."""
+        return now.integral(self.density(now))
+
+    def density(self, now: PointState) -> Array:
+        """Return the energy per volume that the isochoric stresses store, shape (t, m, q)."""
         energy = self.long_term * now.W
         if self.law == "finite":
             for modulus, Ci in zip(self.moduli, self.internal, strict=True):
                 energy = energy + modulus * now.mu / 2 * (contract(self.last, invert(Ci)[0]) - 3)
         elif len(self.internal):
             energy = energy + overstress_energy(self.internal, now.C, now.mu, self.moduli)
-        return now.integral(energy)
+        return np.asarray(energy)
 
     def stress(self, now: PointState) -> Array:
         """Return the isochoric second Piola-Kirchhoff stress (6, t, m, q) at the state of the history."""

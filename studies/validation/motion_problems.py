@@ -25,7 +25,7 @@ from fem.equilibrium import solve as solve_load
 from fem.model import elements, material, plate_contact, viscoelasticity
 from fem.model.nonlinear_system import System
 from fem.model.plate_contact import SECTION_KAPPA
-from fem.model.viscoelasticity import History, PointState
+from fem.model.viscoelasticity import PointState
 from fem.results.postprocess import pose_slopes
 from fem.scene import Scene
 from fem.solve.direct_solver import Solver
@@ -253,23 +253,19 @@ def point_cycle(law: ViscousLaw, rate: float, n: int) -> tuple[Array, Array]:
     branches = Relaxation((0.5,), (1.0,))
     point = deformed(0.0)
     history = viscoelasticity.at_rest(law, branches, point.J.shape)
-    work, stored = [], [_stored(history, point)]
+    work, stored = [], [history.density(point).ravel()]
     stress = history.stress(point)
     for i in range(1, CYCLES * n + 1):
         after = deformed(math.sin(2 * math.pi * i / n))
         history = history.advance(after, 2 * math.pi / (rate * n))
         reached = history.stress(after)
         work.append(viscoelasticity.contract(stress + reached, after.C - point.C).ravel() / 4)
-        stored.append(_stored(history, after))
+        stored.append(history.density(after).ravel())
         point, stress = after, reached
     return np.array(work)[-n:], np.array(work)[-n:] - np.diff(stored, axis=0)[-n:]
 
 
-def _stored(history: History, point: PointState) -> Array:
-    alone = np.eye(point.J.size).reshape(-1, *point.J.shape)
-    return np.array([history.stored(replace(point, weights=weights)) for weights in alone])
-
-
+@functools.lru_cache
 def signs(law: ViscousLaw, n: int) -> tuple[Array, Array]:
     """Return the least work of a cycle over its moved work, and the least dissipation of a step over the most work,
     each (points,), over all `RATES`."""
