@@ -44,8 +44,8 @@ def result():
 
 
 def test_training_has_the_first_beams_and_those_of_the_rounds(result):
-    assert len(result.training.beams) + result.failed[0] == 13
-    assert len(result.test.set.beams) + result.failed[1] == 6
+    assert len(result.training.beams) + result.failed == 13
+    assert len(result.test[0].beams) + result.test[2] == 6
     assert result.surrogate.about["accuracy"] == "rough"
 
 
@@ -60,7 +60,7 @@ def test_training_beams_get_back_their_own_states(result):
 
 def test_every_state_of_the_test_has_its_errors(result):
     rows = result.errors()
-    count = len(result.test.set.beams)
+    count = len(result.test[0].beams)
     for kind, quantities, states in (("press", 5, DEPTHS), ("shear", 7, SHEARS), ("mode", 1, 1)):
         assert (rows.kind == kind).sum() == count * quantities * states
     assert np.isfinite(rows.error_percent + rows.fem_error_percent).all()

@@ -70,26 +70,22 @@ FEW = Extent(first=48, rounds=(8,), calibration=2, test=2, critical=1, accuracy=
 """A study of some minutes, whose surrogate has errors of 10 %."""
 
 
-class Unseen(NamedTuple):
-    """Beams that training has not seen, critical depths of the first ones, and how many are left out as failed."""
-
-    set: TrainingSet
-    critical: States
-    failed: int
+Unseen = tuple[TrainingSet, States, int]
+"""Beams that training has not seen, critical depths of the first ones, and how many are left out as failed."""
 
 
 class Outcome(NamedTuple):
-    """The surrogate, its training set, the test, and how many beams of either are left out as failed."""
+    """The surrogate, its training set, and the test; `failed` are the training beams that are left out."""
 
     surrogate: Surrogate
     training: TrainingSet
     test: Unseen
-    failed: tuple[int, int]
+    failed: int
 
     def errors(self) -> pd.DataFrame:
         """Errors in all states of the test."""
-        unseen = self.test.set, self.test.critical
-        tables = errors(self.surrogate, unseen[0]), critical_errors(self.surrogate, *unseen)
+        unseen, critical, _ = self.test
+        tables = errors(self.surrogate, unseen), critical_errors(self.surrogate, unseen, critical)
         return pd.concat(tables, ignore_index=True)
 
 
@@ -102,19 +98,17 @@ def build(extent: Extent, store: stores.Store, processes: Processes, progress: P
         more = widest(surrogate, training.random_beams(POOL, extent.seed + 2 + k), count)
         states = states.joined(training_states(solver, more))
     complete = states.complete()
-    calibration = unseen(solver, extent.calibration, extent.critical, extent.seed + CALIBRATION)
+    seen, critical, _ = unseen(solver, extent.calibration, extent.critical, extent.seed + CALIBRATION)
     test = unseen(solver, extent.test, extent.critical, extent.seed + 1)
-    about = {"accuracy": solver.accuracy.name, "beams": len(complete.beams)}
-    about |= {"calibration_beams": len(calibration.set.beams), "test_beams": len(test.set.beams)}
-    surrogate = surrogate_of(complete, about | {"versions": versions()})
-    surrogate = recalibrated(surrogate, errors(surrogate, calibration.set))
+    about = {"accuracy": solver.accuracy.name, "beams": len(complete.beams), "calibration_beams": len(seen.beams)}
+    surrogate = surrogate_of(complete, about | {"test_beams": len(test[0].beams), "versions": versions()})
+    surrogate = recalibrated(surrogate, errors(surrogate, seen))
     # the half widths of critical depths follow those of the sideways stiffness
-    surrogate = recalibrated(surrogate, critical_errors(surrogate, calibration.set, calibration.critical))
-    return Outcome(surrogate, complete, test, (len(states.beams) - len(complete.beams), test.failed))
+    surrogate = recalibrated(surrogate, critical_errors(surrogate, seen, critical))
+    return Outcome(surrogate, complete, test, len(states.beams) - len(complete.beams))
 
 
 def training_states(solver: Solver, beams: Beams) -> TrainingSet:
-    """Return the states of training beams: at the nodes of the surrogate."""
     press = motions(solver, beams, surrogate_range.press_depths(beams.L, beams.diameter, beams.height))
     mode = training.first_modes(solver, beams)
     shear = motions(solver, beams, training.shear_depth(beams, press)[:, None], surrogate_range.shears(beams.L))
@@ -127,7 +121,7 @@ def unseen(solver: Solver, count: int, critical: int, seed: int) -> Unseen:
     complete = states.complete()
     first = complete.beams[: critical * prediction.REGIONS]
     depths = compared(training.critical_depths(solver, first), training.critical_depths(solver.coarser(), first))
-    return Unseen(complete, depths, len(states.beams) - len(complete.beams))
+    return complete, depths, len(states.beams) - len(complete.beams)
 
 
 def random_states(solver: Solver, beams: Beams, seed: int) -> TrainingSet:
@@ -135,13 +129,14 @@ def random_states(solver: Solver, beams: Beams, seed: int) -> TrainingSet:
 
     All have an estimate of the finite elements' own error, which the coarser mesh gives where answers have none.
     """
+
+    def shares(stream: int, count: int) -> Array:
+        return np.sort(np.random.default_rng((seed, stream)).random((len(beams), count)), axis=1)
+
     low, high = np.sqrt(surrogate_range.SHALLOWEST), np.sqrt(deepest(beams))[:, None]
-    share = np.sort(np.random.default_rng((seed, 1)).random((len(beams), RANDOM_DEPTHS)), axis=1)
-    depths = np.asarray(np.round((low + (high - low) * share) ** 2, 6))
+    depths = np.asarray(np.round((low + (high - low) * shares(1, RANDOM_DEPTHS)) ** 2, 6))
     least = surrogate_range.SHEAR_NODES[0] / 2
-    share = np.sort(
-        least + (1 - least) * np.random.default_rng((seed, 2)).random((len(beams), RANDOM_SHEARS)), axis=1
-    )
+    share = np.sort(least + (1 - least) * shares(2, RANDOM_SHEARS), axis=1)
     sideways = np.asarray(np.round(share * surrogate_range.farthest(beams.L)[:, None], 6))
     press = motions(solver, beams, depths)
     sheared = training.shear_depth(beams, press)[:, None]
@@ -323,8 +318,6 @@ DOUBT = 0.01
 """Probability that so few beams are covered as a goal refuses, if nine of ten are: a goal for each quantity and group
 is refused by chance about once in as many goals as there are in a table."""
 DEEPER = f"deep, depth above {DEEP:g} D"
-NO_DATA: Row = {"states": 0, "beams": 0, "p95_percent": None, "covered_beams_percent": None}
-NO_DATA["least_covered_percent"] = 100 * COVERAGE
 SLENDER_ONES, THIN_ONES = f"L_over_D > {SLENDER}", f"magnet_height_over_D <= {THICK}"
 WIDE_ONES = f"magnet_diameter_over_D > {WIDE} and {THIN_ONES}"
 REGIONS = {
@@ -346,23 +339,26 @@ def summaries(rows: pd.DataFrame) -> list[Row]:
     `covered_beams_percent` is the share of beams of which every interval holds the truth; its goal,
     `least_covered_percent`, is the least share that is likely if nine of ten beams are covered.
     """
-    table: list[Row] = []
-    quantities = rows[["kind", "quantity"]].drop_duplicates().itertuples(index=False)
-    for (region, inside), (kind, name) in itertools.product(REGIONS.items(), quantities):
-        some = rows.query(inside)
-        some = some[(some.kind == kind) & (some.quantity == name)]
-        if some.empty:
-            continue
-        sizes, covered = some.error_percent.abs().to_numpy(), scores(some) <= 1.0
-        beams = some.assign(covered=covered).groupby("beam")["covered"].all()
-        row: Row = {"kind": kind, "quantity": name, "region": region, "beams": len(beams), "states": len(some)}
-        row |= {"median_percent": float(np.median(sizes)), "p95_percent": float(np.percentile(sizes, 95))}
-        row |= {"largest_percent": float(sizes.max()), "covered_percent": 100 * float(covered.mean())}
-        for column in ("interval_percent", "fem_error_percent"):
-            row[column] = float(np.median(some[column].to_numpy()))
-        row["covered_beams_percent"] = 100 * int(beams.sum()) / len(beams)
-        table.append(row | {"least_covered_percent": 100 * least_covered(len(beams)) / len(beams)})
-    return table
+    rows = rows.assign(size=rows.error_percent.abs(), covered=scores(rows) <= 1.0)
+    tables = []
+    for region, inside in REGIONS.items():
+        groups = rows.query(inside).groupby(["kind", "quantity"], sort=False)
+        table = groups.agg(
+            beams=("beam", "nunique"),
+            states=("beam", "size"),
+            median_percent=("size", lambda own: np.median(own.to_numpy())),
+            p95_percent=("size", lambda own: np.percentile(own.to_numpy(), 95)),
+            largest_percent=("size", lambda own: own.max(skipna=False)),
+            covered_percent=("covered", lambda own: 100 * own.mean()),
+            interval_percent=("interval_percent", lambda own: np.median(own.to_numpy())),
+            fem_error_percent=("fem_error_percent", lambda own: np.median(own.to_numpy())),
+        )
+        beams = rows.query(inside).groupby(["kind", "quantity", "beam"], sort=False)["covered"].all()
+        covered = beams.groupby(["kind", "quantity"], sort=False).sum()
+        table.insert(0, "region", region)
+        least = [100 * least_covered(count) / count for count in table.beams]
+        tables.append(table.assign(covered_beams_percent=100 * covered / table.beams, least_covered_percent=least))
+    return pages.records(pd.concat(tables).reset_index())
 
 
 def least_covered(count: int) -> int:
@@ -379,20 +375,27 @@ def goals(table: Sequence[Row], failed: int) -> list[Goal]:
 
     A region without a beam has no data, and misses its goals.
     """
-    count = failed + max((row["beams"] for row in table), default=0)
-    found = [Goal("beams left out of the test because a state failed", failed, 0, count)]
+    found = [
+        Goal(
+            "beams left out of the test because a state failed",
+            failed,
+            0,
+            failed + max((row["beams"] for row in table), default=0),
+        )
+    ]
     rows = {(row["region"], row["kind"], row["quantity"]): row for row in table}
     quantities = dict.fromkeys((row["kind"], row["quantity"]) for row in table)
     for region, (kind, quantity) in itertools.product(REGIONS, quantities):
         if region == DEEPER and kind not in ("press", "shear"):
             continue
-        row = rows.get((region, kind, quantity), NO_DATA)
+        row = rows.get((region, kind, quantity), {"least_covered_percent": 100 * COVERAGE})
         name = f"{kind}, {quantity}, {region}"
         if kind in ("press", "shear") and quantity in GOALS:
-            error, bound = row["p95_percent"], GOALS[quantity]
-            found.append(Goal(f"{name}: 95th percentile of the errors", error, bound, row["states"], "%"))
-        covered, least = row["covered_beams_percent"], row["least_covered_percent"]
-        found.append(Goal(f"{name}: beams that the intervals hold", covered, least, row["beams"], "%", at_least=True))
+            told = f"{name}: 95th percentile of the errors"
+            found.append(Goal(told, row.get("p95_percent"), GOALS[quantity], row.get("states", 0), "%"))
+        share, least = row.get("covered_beams_percent"), row["least_covered_percent"]
+        told = f"{name}: beams that the intervals hold"
+        found.append(Goal(told, share, least, row.get("beams", 0), "%", at_least=True))
     return found
 
 
@@ -451,12 +454,13 @@ def result(outcome: Outcome, first: int) -> Result:
         file = Path(folder, "surrogate.npz")
         surrogate_file.write(file, outcome.surrogate)
         size = file.stat().st_size / 1e6
-    page = {"about": outcome.surrogate.about, "first": first, "failed": outcome.failed, "table": table}
+    page = {"about": outcome.surrogate.about, "first": first, "table": table}
+    page["failed"] = outcome.failed, outcome.test[2]
     page |= {"size": size, "speed": designs_per_second(outcome)}
     files: Row = {"surrogate.npz": lambda path: surrogate_file.write(path, outcome.surrogate)}
     files["errors.png"] = lambda path: save(path, figures(rows))
     more: Row = {"tables": {"summary": table, "errors": pages.records(rows)}, "files": files}
-    posed, look = goals(table, outcome.failed[1]), {"first": columns}
+    posed, look = goals(table, outcome.test[2]), {"first": columns}
     return pages.study("surrogate", "Errors on unseen beams", table, page, look=look, goals=posed, **more)
 
 
