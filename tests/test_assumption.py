@@ -46,13 +46,12 @@ def test_the_verb(run, tmp_path):
 
 
 def test_sizes_of_the_magnet_may_be_fixed_and_the_page_names_the_design(tmp_path):
-    design = "[design]\nD = 10\nE = 0.6\nmagnet_diameter = 5"
     changes = {'design = "paper"\n': "", "magnet_diameter = [0, 4]\n": "", "magnet_edge_radius = [0, 0.1]\n": ""}
     changes |= {"[0, 2]": "[1, 2]", "[9, 16]": "[10]", "[0.16, 2.4, 0.64]": "[0.16]", "[0, 0, 0.4]": "[0]"}
-    text = SMALL
+    text = SMALL + "[design]\nD = 10\nE = 0.6\nmagnet_diameter = 5\n"
     for old, new in changes.items():
         text = text.replace(old, new)
-    (tmp_path / "own.toml").write_text(text + design + "\n")
+    (tmp_path / "own.toml").write_text(text)
     found = assumption.run(lambda share, text: None, tmp_path / "own.toml", store=tmp_path / "s")
     assert "D is 10 mm and E is 0.6 MPa" in found.pages["ASSUMPTION.md"]
 
@@ -121,15 +120,12 @@ def errors(values, quantity="press force", level="paper"):
     return paper_figures.errors(paper_figures.cells(values), quantity)[level].to_numpy().reshape(3, 3)
 
 
-def test_errors_stand_at_their_length_and_load():
+def test_errors_stand_at_their_length_and_load_and_cells_without_an_answer_have_none():
     mixed = table(ERROR).sample(frac=1.0, random_state=0)
     cells = paper_figures.cells(mixed)
     assert cells.slenderness.tolist() == list(LENGTHS) * 3
     assert cells.depth.unique().tolist() == list(DEPTHS)
     assert errors(mixed) == approx(np.array(ERROR))
-
-
-def test_cells_without_an_answer_have_no_error():
     values = table(ERROR)
     values.loc[[4, 0], "fem_force_N"] = np.nan
     values.loc[[4, 0], "status"] = "not_converged", "bad_input"
@@ -137,11 +133,6 @@ def test_cells_without_an_answer_have_no_error():
     assert np.flatnonzero(~cells.answered).tolist() == [0, 4]
     assert np.flatnonzero(~cells.possible).tolist() == [0]
     assert np.isnan(errors(values)[1, 1])
-
-
-def test_presses_beyond_the_critical_depth_are_marked():
-    cells = paper_figures.cells(table(ERROR, critical_depth_mm=[np.nan, 0.2 * D, 0.08 * D] * 3))
-    assert np.flatnonzero(cells.leans).tolist() == [5, 7, 8]
 
 
 def test_a_beam_that_does_not_resist_the_shear_is_not_judged():
@@ -154,28 +145,20 @@ def test_a_beam_that_does_not_resist_the_shear_is_not_judged():
 # Regions
 
 
-def test_shares_and_blocks_of_a_level():
-    rows = assumption.share_rows(paper_figures.cells(table(ERROR)))
-    row = next(row for row in rows if (row["quantity"], row["level"]) == ("press force", "paper"))
-    assert row["cells"] == 9
-    assert row["within_5_percent"] == approx(100 * 2 / 9)
-    assert row["within_10_percent"] == approx(100 * 4 / 9)
-    assert row["within_10_block"] == "L/D 2 to 4, d/D 0.1 to 0.3"
-    assert row["within_5_block"] == "L/D 2, d/D 0.1 to 0.3"
-    assert row["largest_error_percent"] == approx(-90)
-    assert row["median_error_percent"] == approx(12)
-
-
-def test_presses_that_a_free_tip_would_not_reach_are_counted():
+def test_shares_and_blocks_of_a_level_and_presses_that_a_free_tip_would_not_reach():
     """Four cells are within 10 %; the deepest row, which has two of them, lies beyond the critical depth."""
-    values = table(ERROR, critical_depth_mm=[0.2 * D] * 9)
-    cells = paper_figures.cells(values)
+    cells = paper_figures.cells(table(ERROR, critical_depth_mm=[0.2 * D] * 9))
+    assert np.flatnonzero(cells.leans).tolist() == [6, 7, 8]
     rows = assumption.share_rows(cells)
     row = next(row for row in rows if (row["quantity"], row["level"]) == ("press force", "paper"))
+    shares = (row["within_5_percent"], row["within_10_percent"])
+    assert (row["cells"], *shares) == (9, approx(100 * 2 / 9), approx(100 * 4 / 9))
+    assert row["within_10_block"] == "L/D 2 to 4, d/D 0.1 to 0.3"
+    assert row["within_5_block"] == "L/D 2, d/D 0.1 to 0.3"
+    assert (row["largest_error_percent"], row["median_error_percent"]) == (approx(-90), approx(12))
     assert row["leaning_of_these_percent"] == approx(50)
-    assert any(
-        "But 50 % of the cells within 10 % are presses" in line for line in assumption.findings(cells, rows, [])
-    )
+    said = assumption.findings(cells, rows, [])
+    assert any("But 50 % of the cells within 10 % are presses" in line for line in said)
 
 
 # Errors of the readings: each part has its own cause, and their sum is the whole
@@ -183,30 +166,13 @@ def test_presses_that_a_free_tip_would_not_reach_are_counted():
 
 def poses(tilt=0.0, aside=0.5, lower=0.4):
     """Two shears and a press of the paper's sensor: the finite elements' poses, and the formula's at (0.5, -0.4)."""
-    n = 3
     moved = np.array([1.0, 2.0, 0.0])
-    values = {
-        **{f"{name}_mm": np.full(n, size) for name, size in (("D", 8.0), ("L", 9.0), ("f", 5.0), ("l0", 7.2))},
-        "magnet_diameter_mm": np.full(n, 4.0),
-        "magnet_height_mm": np.full(n, 2.0),
-        "magnet_edge_radius_mm": np.full(n, 0.1),
-        "nu": np.full(n, 0.4998),
-        "depth_mm": np.full(n, 1.0),
-        "shear_mm": moved,
-        "status": np.full(n, "ok", dtype=object),
-        "fem_force_N": np.ones(n),
-        "fem_force_x_N": np.ones(n),
-        "fem_shift_x_mm": aside * moved,
-        "fem_shift_y_mm": np.zeros(n),
-        "fem_shift_z_mm": np.full(n, -lower),
-        "fem_tilt_rad": tilt * moved,
-        "fem_tilt_y_rad": np.zeros(n),
-        "analytic_paper_shift_x_mm": 0.5 * moved,
-        "analytic_paper_shift_y_mm": np.zeros(n),
-        "analytic_paper_shift_z_mm": np.full(n, -0.4),
-        "analytic_paper_tilt_rad": np.zeros(n),
-        "analytic_paper_tilt_y_rad": np.zeros(n),
-    }
+    values = {"D_mm": 8.0, "L_mm": 9.0, "f_mm": 5.0, "l0_mm": 7.2, "magnet_diameter_mm": 4.0, "magnet_height_mm": 2.0}
+    values |= {"magnet_edge_radius_mm": 0.1, "nu": 0.4998, "depth_mm": 1.0, "shear_mm": moved, "status": "ok"}
+    values |= {"fem_force_N": 1.0, "fem_force_x_N": 1.0, "fem_shift_x_mm": aside * moved, "fem_shift_y_mm": 0.0}
+    values |= {"fem_shift_z_mm": -lower, "fem_tilt_rad": tilt * moved, "fem_tilt_y_rad": 0.0}
+    values |= {"analytic_paper_shift_x_mm": 0.5 * moved, "analytic_paper_shift_y_mm": 0.0}
+    values |= {"analytic_paper_shift_z_mm": -0.4, "analytic_paper_tilt_rad": 0.0, "analytic_paper_tilt_y_rad": 0.0}
     return pd.DataFrame(values)
 
 
@@ -222,23 +188,15 @@ def largest(rows, part):
     return max(abs(row[f"{part}_percent_FS"]) for row in rows)
 
 
-def test_the_papers_pose_and_field_have_no_error():
+def test_each_part_has_its_cause_and_they_add_up():
     rows = cells()
     assert len(rows) == 9
     assert largest(rows, "total") == approx(0, abs=1e-6)
     assert largest(rows, "dipole") > 1
-
-
-@pytest.mark.parametrize(
-    ("pose", "part", "other"), [({"tilt": 0.1}, "tilt", "mechanics"), ({"aside": 0.4}, "mechanics", "tilt")]
-)
-def test_each_part_has_its_cause(pose, part, other):
-    rows = cells(**pose)
-    assert largest(rows, part) > 1
-    assert largest(rows, other) == approx(0, abs=1e-9)
-
-
-def test_parts_add_up():
+    for pose, part, other in (({"tilt": 0.1}, "tilt", "mechanics"), ({"aside": 0.4}, "mechanics", "tilt")):
+        rows = cells(**pose)
+        assert largest(rows, part) > 1
+        assert largest(rows, other) == approx(0, abs=1e-9)
     for row in cells(tilt=0.1, aside=0.4, lower=0.3):
         parts = row["mechanics_percent_FS"] + row["tilt_percent_FS"] + row["field_percent_FS"]
         assert row["total_percent_FS"] == approx(parts)

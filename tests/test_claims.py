@@ -66,7 +66,7 @@ DEPTH = np.linspace(0.25, 3.0, 12)
 def press(force, height=2.0):
     """Presses of the preset's magnet with a given force at 1 MPa."""
     lost = () if np.isfinite(force).all() else (0.0, "not_converged", "elements fold")
-    return Press(height, claim_errors.with_magnet(height), DEPTH, force, DEPTH * 5 / 9, *lost)
+    return Press(claim_errors.with_magnet(height), DEPTH, force, DEPTH * 5 / 9, *lost)
 
 
 def test_an_interval_ends_where_the_error_is_the_bound():

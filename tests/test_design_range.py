@@ -31,32 +31,21 @@ def row(number):
     return {"design": number, **sizes, "status": "ok", "message": "", **dict.fromkeys(design_range.COLUMNS)}
 
 
-@pytest.fixture
-def quick(monkeypatch):
+def test_a_design_that_fails_is_told(monkeypatch, run, refusal, tmp_path, strict):
     """Rows without work; every third design fails."""
-    done = []
 
     def examine(number, sample):
-        done.append(number)
-        status = "failed" if number % 3 == 2 else "ok"
-        return row(number) | {"status": status, "tetrahedra": 10 * number}
+        return row(number) | {"status": "failed" if number % 3 == 2 else "ok", "tetrahedra": 10 * number}
 
     monkeypatch.setattr(design_range, "examine", examine)
-    return done
-
-
-def test_a_design_that_fails_is_told(quick, run, tmp_path, strict):
     status, out, err = run("validate", "range", "--count", 4, "--out", "out", "--json")
-    assert [row["design"] for row in strict(out)] == quick == [0, 1, 2, 3]
+    assert [row["design"] for row in strict(out)] == [0, 1, 2, 3]
     assert status == 3
     assert "designs that fail (design 2): 1, goal at most 0" in err
     text = (tmp_path / "out" / "RANGE.md").read_text()
     assert "Of 4 designs, 3 are good, 0 are impossible and 1 failed" in text
     assert "| tetrahedra | 0 | 15 | 30 |" in text
     assert len((tmp_path / "out" / "range.csv").read_text().splitlines()) == 5
-
-
-def test_bad_counts(refusal):
     for count in (0, -1, 5000):
         refusal("validate", "range", "--count", count)
 
@@ -86,10 +75,6 @@ def test_a_step_that_fails_is_told_and_the_others_go_on(monkeypatch):
     monkeypatch.setattr(design_range, "_solids", broken)
     monkeypatch.setattr(design_range, "_solid_mesh", lambda design: {"tetrahedra": 7})
     result = design_range.examine(18, design_range.samples(19)[18])
-    assert (result["status"], result["solids"], result["section"], result["tetrahedra"]) == (
-        "failed",
-        "failed",
-        "ok",
-        7,
-    )
+    outcome = (result["status"], result["solids"], result["section"], result["tetrahedra"])
+    assert outcome == ("failed", "failed", "ok", 7)
     assert result["message"] == "solids: ZeroDivisionError: of the test"

@@ -80,7 +80,7 @@ class Task(NamedTuple):
 
 def tasks(*, quick: bool = False) -> list[Task]:
     """Return all tasks of PLAN, the fast ones first; if quick, with coarser references."""
-    every = {"levels": ["quick", "standard"], "magnets": ["rigid"], "model": "auto"}
+    every: Row = {"levels": ["quick", "standard"], "magnets": ["rigid"], "model": "auto"}
     every["designs"] = range(error_study_cases.DESIGNS)
     found = []
     for row in (every | one for one in PLAN["quick" if quick else "full"]):
@@ -122,7 +122,6 @@ def run(progress: Progress, *, quick: bool = False, store: Path | None = None) -
 def solved(
     paths: Sequence[tuple[Task, Load]], store: Path | None = None, progress: Progress | None = None
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Return the answers to all states at their levels and on their references."""
     asked = cases.table((one.trial.design, load, one.trial.magnet) for one, load in paths)
     pairs = []
     for one, _ in paths:
@@ -181,7 +180,6 @@ def compare(paths: Sequence[tuple[Task, Load]], level: pd.DataFrame, reference: 
 
 
 def place(one: Task, load: Load) -> Row:
-    """Return the columns that say what a state is."""
     trial, tangent = one.trial, one.trial.scene in TANGENT_SCENES
     pressed = trial.scene == "stick" and not load.shear_x
     section = "axisymmetric" if tangent or trial.scene in ("press", "deep") else "harmonic"
@@ -218,12 +216,11 @@ def status(level: str, reference: str, messages: tuple[str, str]) -> tuple[str, 
 
 
 def tangent_rows(one: Task, load: Load) -> list[Row]:
-    """Return the row of a critical state or a small shear with its errors, or one for each natural frequency."""
     (level, why), (truth, why_not) = (
         analysed(one.trial, load.depth, accuracy, accuracy is one.level) for accuracy in (one.level, one.reference)
     )
-    statuses = (state if isinstance(state, str) else "ok" for state in (level, truth))
-    reached, message = status(*statuses, (why, why_not))
+    ends = [state if isinstance(state, str) else "ok" for state in (level, truth)]
+    reached, message = status(ends[0], ends[1], (why, why_not))
     row = place(one, load) | {"status": reached, "message": message}
     if reached != "ok":
         return [row]
@@ -245,7 +242,6 @@ def tangent_rows(one: Task, load: Load) -> list[Row]:
 
 @cache
 def analysed(trial: Trial, depth: float, accuracy: Accuracy, estimate: bool) -> tuple[Any, str]:
-    """Return what follows from a tangent of a trial at a depth, or a status, and a message."""
     design, magnet = trial.design, trial.magnet
     options: dict[str, Any] = {"accuracy": accuracy, "estimate": estimate}
     try:
@@ -314,7 +310,6 @@ def statistics(errors: pd.DataFrame, *by: str) -> list[Row]:
 
 
 def summary(states: pd.DataFrame) -> list[Row]:
-    """Return the statistics of each level, model, scene and quantity, with the goal of the largest error."""
     table = statistics(errors_of(states), "level", "model", "scene")
     for row in table:
         row["goal_percent"] = 100 * WIDER.get(row["scene"], GOALS)[row["level"]]
@@ -348,7 +343,6 @@ def references(states: pd.DataFrame) -> list[Row]:
 
 
 def goals(states: pd.DataFrame) -> list[Goal]:
-    """Return the goals of the study: states compared, coverage and sharpness, largest error of each level."""
     lost = int((~states.status.isin(["ok", *UNSTABLE])).sum())
     posed = [Goal("states without a comparison", lost, 0, len(states))]
     judged = (
@@ -390,7 +384,6 @@ def rules(states: pd.DataFrame) -> list[Row]:
 
 
 def result(states: pd.DataFrame, *, quick: bool) -> Result:
-    """Return the result of states: its tables are all states, and the rules that hold in them."""
     estimates, levels, rows = shares(states), summary(states), pages.records(states)
     scenes = (("press", "press"), ("stick and grip", "stick"), ("friction", "friction"), ("tangents", "modes"))
     page = {

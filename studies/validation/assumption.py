@@ -206,7 +206,6 @@ def share_rows(found: pd.DataFrame) -> list[Row]:
 
 
 def regions(own: pd.DataFrame) -> pd.DataFrame:
-    """Return cells with body, slenderness and depth in words."""
     names = (f"d/D to {DEPTHS[0]:g}", f"d/D {DEPTHS[0]:g} to {DEPTHS[1]:g}", f"d/D above {DEPTHS[1]:g}")
     bodies, ends = ("no magnet", f"magnet to {BODIES[1]:g} D", "taller magnet"), (-math.inf, math.inf)
     return own.assign(
@@ -246,7 +245,6 @@ Pictures = dict[str, tuple[Sequence[Figure], str]]
 
 
 def maps(found: pd.DataFrame, means: Sequence[Row]) -> Pictures:
-    """Return the maps of the errors, of the best level, and the parts of the readings' errors."""
     pictures: Pictures = {}
     nu = found["nu"].max()
     main = found[found["nu"] == nu]
@@ -281,7 +279,6 @@ def best_maps(main: pd.DataFrame) -> list[Figure]:
 
 
 def split_figure(means: Sequence[Row]) -> Figure:
-    """Return the parts of the readings' errors: a panel for each kind of load, the sensors side by side."""
     x, y = "height of the magnet, and L/D", "error (% of full scale)"
     data = table_of(
         {x: f"{row['magnet_height_over_D']:.3g} D, {row['slenderness']}", y: row[f"{part}_percent_FS"] or np.nan}
@@ -295,13 +292,11 @@ def split_figure(means: Sequence[Row]) -> Figure:
 
 
 def findings(found: pd.DataFrame, shares: Sequence[Row], readings: Sequence[Row]) -> list[str]:
-    """Return what the tables do not show, in sentences: where the paper's formulas hold, readings, failures."""
     nu = found["nu"].max()
     main = [row for row in shares if row["nu"] == nu]
     known, pressed = found[found["nu"] == nu], found["kind"] == "press"
 
     def within(quantity: str) -> dict[str, float]:
-        """Return the share of all cells within 10 %, by the name of the formula."""
         parts = {}
         for level, name in (("paper", FORMULAS[quantity]), ("finite", "level finite")):
             own = [row for row in main if (row["quantity"], row["level"]) == (quantity, level)]

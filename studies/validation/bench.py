@@ -101,7 +101,6 @@ def run(
 
 
 def result(about: Mapping[str, str], rows: Sequence[Row]) -> Result:
-    """Return the result of measured rows; `about` says on which machine."""
     tables = {}
     for case in dict.fromkeys(row["case"] for row in rows):
         own = [row for row in rows if row["case"] == case]
@@ -114,7 +113,6 @@ def result(about: Mapping[str, str], rows: Sequence[Row]) -> Result:
 
 
 def goals(rows: Sequence[Row]) -> list[Goal]:
-    """Return the goals of the bench: answers of all programs, and each promise."""
     lost = sum(row["status"] not in ("ok", "left out") for row in rows)
     return [Goal("rows without an answer", lost, 0, len(rows))] + [
         Goal(f"{row['case']} ({row['goal']}), promises missed", None if row["met"] is None else not row["met"], 0, 1)
@@ -137,7 +135,6 @@ def machine() -> dict[str, str]:
 
 
 def measured(case: Row, bench: Bench) -> list[Row]:
-    """Return the rows of a case: its runs take turns, and all but the first are held against it."""
     truth = None
     if "reference" in case and not (bench.quick and case.get("slow_reference")):
         found = magtip(task(case, case["reference"]))
@@ -168,7 +165,6 @@ def measured(case: Row, bench: Bench) -> list[Row]:
 
 
 def row_of(case: Row, one: Row, answer: Answer) -> Row:
-    """Return a row of the table from the answer of a process."""
     row = dict.fromkeys(COLUMNS) | {name: answer[name] for name in COLUMNS if name in answer}
     row |= {"case": case["name"], "program": one.get("program", "magtip"), "setting": one["setting"]}
     row |= {"force_N": next(iter(answer.get("forces_N", ())[-1:]), None), "goal": one.get("goal", "")}
@@ -216,7 +212,6 @@ def errors_percent(forces: Sequence[Sequence[float]], truth: Sequence[Sequence[f
 
 
 def median(answers: Sequence[Answer]) -> Answer:
-    """Return medians of the numbers of several runs; all else is of the first that failed, or of the first."""
     worst = next((answer for answer in answers if answer["status"] != "ok"), answers[0])
     found = dict(worst)
     for key, value in worst.items():
@@ -226,7 +221,6 @@ def median(answers: Sequence[Answer]) -> Answer:
 
 
 def judged(answer: Answer, truth: Sequence[Sequence[float]] | None, tolerance: float) -> Answer:
-    """Return an answer with its error; one that is beyond the tolerance, %, is inaccurate."""
     if answer["status"] != "ok" or truth is None:
         return answer
     answer = answer | {"error_percent": (error := errors_percent(compared(answer), truth))}
@@ -261,7 +255,6 @@ class Ended(NamedTuple):
 
     @property
     def last_words(self) -> str:
-        """The last line that is not empty, of standard error or else of standard output."""
         return next((line.strip() for line in reversed(f"{self.out}\n{self.err}".splitlines()) if line.strip()), "")
 
 
@@ -292,7 +285,6 @@ def measure(
 
 
 def magtip(task: Answer) -> Answer:
-    """Return the answer of one task of `studies.validation.bench_worker` in a fresh process."""
     path = os.pathsep.join(filter(None, (str(provenance.ROOT), os.environ.get("PYTHONPATH", ""))))
     # -P: the worker's own folder is no folder of packages
     command = [sys.executable, "-P", str(Path(__file__).with_name("bench_worker.py")), json.dumps(task)]
@@ -355,7 +347,6 @@ TURNED = [0, 2, 1, 3, 6, 5, 4, 7, 9, 8]
 
 
 def calculix_press(ccx: str, depth: float, peer: Row) -> Solve:
-    """Return what solves the half model's press by CalculiX."""
     command, design = shutil.which(ccx), paper()
     if command is None:
         return "CalculiX is not installed: apt-get install calculix-ccx"
@@ -372,7 +363,6 @@ def calculix_press(ccx: str, depth: float, peer: Row) -> Solve:
 
 
 def calculix(ccx: str, mesh: Any, press: Row) -> Answer:
-    """Return the half model's press by CalculiX on a tetrahedral mesh in mm."""
     with tempfile.TemporaryDirectory() as folder:
         Path(folder, "press.inp").write_text(deck(mesh, press))
         ended = measure([ccx, "-i", "press"], folder=Path(folder))
@@ -416,7 +406,6 @@ def deck(mesh: Any, press: Row) -> str:
 
 
 def _faces(mesh: Any, cells: Any, L: float, reach: float) -> list[str]:
-    """Return the faces of the skin that the plate may touch, as CalculiX names them."""
     skin = {tuple(sorted(corners)) for corners in (mesh.facets[:, mesh.boundaries["skin"]].T + 1).tolist()}
     found = []
     for side, local in enumerate(FACES, 1):

@@ -65,7 +65,6 @@ def trace(spec: Answer) -> Answer:
 
 
 def tangent(spec: Answer) -> Answer:
-    """Compute what follows from one tangent: a small shear, or vibrations."""
     from fem.analyses.modes import modes
     from fem.analyses.small_shear import small_shear
 
@@ -98,7 +97,6 @@ def field(spec: Answer) -> Answer:
 
 
 def timed(small: Callable[[], object], solve: Callable[[], Any]) -> tuple[Any, Answer]:
-    """Return the result of a solve after a small one, and what it cost."""
     imported, base = cpu()[0], peak()
     small()
     before, wall = cpu(), time.perf_counter()

@@ -139,7 +139,6 @@ def run(progress: Progress, *, quick: bool = False, store: Path | None = None) -
 def _judge(
     made: MadeSensors, base: Design, model: tuple[Mechanics, float], rows: Array, force: Array
 ) -> tuple[Row, list[Row]]:
-    """Return errors and shares within intervals of one sensor, and its unknowns."""
     names = ("S1", "S2", "S3")
     bench = Bench(pd.DataFrame({"depth_mm": [0.0], "run": "a"}), names, [])
     un = sensor_fit.unknowns_of(base, bench, tolerances(), model_error=model[1])

@@ -43,12 +43,10 @@ NAN = math.nan
 class Press(NamedTuple):
     """Presses of the sensor with one magnet, for E = 1 MPa; arrays have shape (n,), NaN where no state was reached.
 
-    `height` of the magnet, 0 without one, and `depth` in mm, press `force`, N, and `sinking` of the magnet's centre,
-    mm; `error_estimate` is the largest relative one of the forces, NaN if one is unknown; `status` and `message` are
-    those of the first state that is missing.
+    `depth` in mm, press `force`, N, and `sinking` of the magnet's centre, mm; `error_estimate` is the largest
+    relative one of the forces, NaN if one is unknown; `status` and `message` are those of the first missing state.
     """
 
-    height: float
     design: Design
     depth: Array
     force: Array
@@ -56,6 +54,11 @@ class Press(NamedTuple):
     error_estimate: float = 0.0
     status: str = "ok"
     message: str = ""
+
+    @property
+    def height(self) -> float:
+        """Height of the magnet, mm, 0 without one."""
+        return self.design.magnet_height
 
     @property
     def complete(self) -> bool:
@@ -94,7 +97,6 @@ QUANTITIES = ("force", "shift", "tilt", "readings")
 
 
 def solve(extent: Row, store: Path | None, progress: Progress | None = None) -> States:
-    """Return all states: those that the store has, and the others solved and added to it."""
     series = [(height, "none") for height in extent["heights"]] + [(paper().magnet_height, VALUES["friction"])]
     presses = [
         {"height": height, "friction": friction, "depth_mm": depth}
@@ -127,7 +129,6 @@ def press_of(design: Design, rows: pd.DataFrame) -> Press:
     reached = np.isfinite(rows.fem_force_N)
     missing = rows[~reached]
     return Press(
-        design.magnet_height,
         design,
         rows.depth_mm.to_numpy(),
         rows.fem_force_N.to_numpy() / design.E,
@@ -227,6 +228,7 @@ class Voltages(NamedTuple):
 
     `predicted` and `modelled` are forces by (5), N, and changes of the voltage by the formulas, V, to depth D/2;
     `force` and `measured` the same by finite elements; `formula_largest` is the force by (5) at the deepest press.
+    Forces to 5 % beyond it are compared.
     """
 
     predicted: Array
@@ -235,22 +237,14 @@ class Voltages(NamedTuple):
     measured: Array
     formula_largest: float
 
-    @property
-    def largest(self) -> float:
-        """Largest force that is compared, N: that of the formula at the deepest press, and 5 % more."""
-        return (1 + BOUND) * self.formula_largest
-
-    def reaches(self, E: float) -> bool:
-        """Whether all presses are compared for a modulus."""
-        return bool(E * self.force[-1] <= self.largest)
-
-    def error(self, E: float, *, any_gain: bool = False) -> float:
+    def error(self, E: float, *, any_gain: bool = False, whole: bool = False) -> float:
         """Return the largest error of the voltage at equal force, in % of its largest change; NaN without a force.
 
-        With `any_gain`, the gain of the formula's voltage is the best one, as a calibration would choose it.
+        With `any_gain`, the gain of the formula's voltage is the best one, as a calibration would choose it. If
+        `whole`, it is NaN too where not all presses are compared.
         """
-        shared = E * self.force <= self.largest
-        if not shared.any():
+        shared = E * self.force <= (1 + BOUND) * self.formula_largest
+        if not shared.any() or (whole and not shared[-1]):
             return NAN
         at_equal_force = np.interp(E * self.force[shared], self.predicted, self.modelled)
         # neighbouring gains differ by less than a thousandth
@@ -303,10 +297,10 @@ def height_row(press: Press) -> Row:
     found += [float(relative[worst]), float(depth[worst]), each_depth_from(depth, predicted, force)]
     if press.height:
         readings = voltages(press)
-        searched = [float(E) for E in moduli() if readings.reaches(float(E))]
         found += [readings.error(1.0), readings.error(best), readings.error(best, any_gain=True)]
         for free in (False, True):
-            found.append(min((readings.error(E, any_gain=free) for E in searched), default=NAN))
+            errors = pd.Series([readings.error(E, any_gain=free, whole=True) for E in moduli().tolist()])
+            found.append(float(errors.min()))
     return row | dict(zip(HEIGHT_FIGURES, found, strict=False))
 
 

@@ -58,7 +58,6 @@ def pictures(states: States, best_E: float, points: int) -> dict[str, Callable[[
 
 
 def _curves(x: str, y: str, curves: Mapping[str, tuple[Array, Array]], **more: str) -> pd.DataFrame:
-    """Return curves by their names as the table of a plot."""
     parts = [pd.DataFrame({x: at, y: values}).assign(series=name, **more) for name, (at, values) in curves.items()]
     return pd.concat(parts, ignore_index=True)
 
@@ -87,7 +86,6 @@ def figure_6(sheared: pd.DataFrame, points: int) -> list[Figure]:
 
 
 def _by_formula(depth: float, x: Array, y: Array) -> list[Array]:
-    """Return |B| at S1 and S2 by (3) and (4) for displacements of the tip, mT."""
     lever = paper().H / paper().L
     shift = np.column_stack([lever * x, lever * y, np.full_like(x, -lever * depth)])
     return _magnitudes(shift, np.zeros((len(x), 2)), "paper")
@@ -116,7 +114,6 @@ def _magnitudes(shift: Array, rotation: Array, field: hall.Field) -> list[Array]
 
 
 def figure_8(states: States, best_E: float) -> list[Figure]:
-    """Return F_N over the depth by (5) and (7) and by finite elements, and the formula's error at each depth."""
     preset, by_formula = states.preset, "formula (5), 1 MPa"
     depth, predicted = preset.depth, formula(preset.depth)
     forces = {f"FEM, magnet {preset.height:g} mm, 1 MPa": preset.force}
@@ -137,7 +134,6 @@ def figure_8(states: States, best_E: float) -> list[Figure]:
 
 
 def figure_9(press: Press, best_E: float) -> list[Figure]:
-    """Return F_N over the change of S1's voltage by the formulas and by finite elements."""
     found = voltages(press)
     # the paper presses to 3 mm
     kept = found.predicted <= found.formula_largest * (1 + 1e-9)
@@ -150,7 +146,6 @@ def figure_9(press: Press, best_E: float) -> list[Figure]:
 
 
 def figure_11(sheared: pd.DataFrame) -> list[Figure]:
-    """Return F_mu over the displacement of the tip by (6), and by finite elements under each condition of the tip."""
     ends = np.linspace(0.0, VALUES["farthest"], 9)
     curves = {}
     for tip, each in sheared.groupby("tip", sort=False):
@@ -191,7 +186,7 @@ def modulus_and_height(presses: Sequence[Press]) -> list[Figure]:
     for press in (press for press in presses if press.complete and press.height):
         predicted, readings = formula(press.depth), voltages(press)
         for E in moduli(MODULI).tolist():
-            voltage = readings.error(E, any_gain=True) if readings.reaches(E) else np.nan
+            voltage = readings.error(E, any_gain=True, whole=True)
             rows.append((press.height, float(f"{E:.3g}"), error_of_largest(predicted, press.force, E), voltage))
     height, E, *errors = np.array(rows).T
     titles = "Error of F_N, % of the largest", "Error of the voltage of S1 with a fitted gain, % of the largest"

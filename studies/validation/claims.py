@@ -150,7 +150,6 @@ def _time(seconds: float) -> str:
 
 
 def at_each_depth(heights: pd.DataFrame) -> Row:
-    """Answer the claim on F_N, with the error taken relative to the force of the same depth."""
     reached = heights.dropna(subset="worst_error_percent")
     errors, begins = reached.worst_error_percent.abs(), reached.each_depth_from_mm.dropna()
     at = reached.worst_at_mm.iloc[0] if len(reached) else math.nan
@@ -165,7 +164,6 @@ def at_each_depth(heights: pd.DataFrame) -> Row:
 
 
 def of_largest(heights: pd.DataFrame, states: States) -> Row:
-    """Answer the claim on F_N, with the error taken relative to the largest force."""
     preset, fitting = states.preset, heights.dropna(subset="E_from_MPa")
     at_one = heights.error_percent_of_largest.dropna()
     own = heights[heights.magnet_height_mm == preset.height].iloc[0]
@@ -208,7 +206,6 @@ def voltage(heights: pd.DataFrame, own_height: float) -> Row:
 
 
 def largest_forces(states: States) -> Row:
-    """Answer the claim on the largest force with an error below 5 %, for three moduli."""
     bare = next((press for press in states.presses if not press.height), states.preset)
     depths = np.linspace(0.0, 3.0, 601)
     by_formula = formula(depths)
@@ -296,7 +293,6 @@ def layout_rows(layouts: Sequence[tuple[float, float]], progress: Progress) -> l
 
 
 def mode_rows(accuracy: Accuracy, progress: Progress) -> list[Row]:
-    """Return the frequencies of the paper's sensor, free and pressed by 1 mm, with and without the magnet."""
     rows = []
     for k, (depth, magnet) in enumerate(product((0.0, 1.0), get_args(Magnet))):
         progress(k / 4, "frequencies")
@@ -307,7 +303,6 @@ def mode_rows(accuracy: Accuracy, progress: Progress) -> list[Row]:
 
 
 def frequency(rows: Sequence[Row]) -> Row:
-    """Answer the claim on the natural frequency, beside masses on an axial spring EA/L."""
     free, bare = (
         next(row for row in rows if row["magnet"] == magnet and not row["depth_mm"])
         for magnet in ("rigid", "ignored")
@@ -339,7 +334,6 @@ def response_figures(accuracy: Accuracy) -> Row:
 
 
 def band(rows: Sequence[Row], vibration: Row) -> Row:
-    """Answer the claim that the sensor is usable to 600 Hz and above."""
     by_depth = {row["depth_mm"]: row["bending_Hz"] for row in rows if row["magnet"] == "rigid"}
     deepest, free = max(by_depth), by_depth[0.0]
     # an undamped oscillator amplifies a slow load by 5 % at this frequency

@@ -66,7 +66,6 @@ def run(
 
 
 def magnet_of(number: int) -> Magnet:
-    """Return the magnet of a design: alternately rigid and ignored."""
     return "rigid" if number % 2 == 0 else "ignored"
 
 

@@ -45,7 +45,6 @@ where a step was not reached or did not pass; errors are relative."""
 
 
 def samples(count: int) -> list[Row]:
-    """Return the sampled designs; a larger count only appends designs."""
     points = qmc.Sobol(5, seed=SEED).random_base2(math.ceil(math.log2(max(count, 2))))[:count]
     return [_sample(x) for x in np.clip((points - END) / (1 - 2 * END), 0.0, 1.0).tolist()]
 
@@ -101,7 +100,6 @@ def result(rows: Sequence[Row]) -> Result:
 
 
 def summary(rows: Sequence[Row]) -> list[Row]:
-    """Return least, median and greatest magnitude of each measured quantity over the designs that have a value."""
     sizes = pd.DataFrame(rows, columns=list(COLUMNS)).drop(columns=STEPS).astype(float).abs()
     table = sizes.dropna(axis=1, how="all").agg(["min", "median", "max"]).T
     table.columns = ["least", "median", "greatest"]
@@ -109,7 +107,6 @@ def summary(rows: Sequence[Row]) -> list[Row]:
 
 
 def goals(rows: Sequence[Row]) -> list[Goal]:
-    """Return the goal of the study: no possible design fails; without a possible design it is missed."""
     failed = [str(row["design"]) for row in rows if row["status"] == "failed"]
     possible = sum(row["status"] != "impossible" for row in rows)
     named = f" (design {', '.join(failed)})" if failed else ""
@@ -175,7 +172,6 @@ def _section(design: Design) -> Row:
 
 
 def _solid_mesh(design: Design) -> Row:
-    """Mesh the half body with its magnet by tetrahedra."""
     size = QUICK.solid_size * design.D
     begin, spent = time.perf_counter(), time.process_time()
     mesh = tetrahedra(design.shape, size)

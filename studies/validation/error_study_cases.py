@@ -69,7 +69,6 @@ class Trial(NamedTuple):
 
 
 def trial(number: int, magnet: Magnet, scene: str, model: Model) -> Trial:
-    """Return the trial of a scene on a design, with loads in proportion to the design."""
     design = designs()[number]
     D = design.D
     first, most = press_limits(design, magnet)

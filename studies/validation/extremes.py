@@ -107,7 +107,6 @@ def press(*depths: float) -> tuple[Load, ...]:
 
 
 def cases(*, quick: bool = False) -> list[Case]:
-    """Return all cases; if quick, at quick accuracy and without the slow ones."""
     level = QUICK if quick else STANDARD
     with CASES.open(encoding="utf-8", newline="") as file:
         rows = [row for row in csv.DictReader(file, delimiter=";") if not (quick and row["run"] == "full")]
@@ -175,7 +174,6 @@ def result(rows: Sequence[Row]) -> Result:
 
 
 def examine(case: Case) -> Row:
-    """Return the row of one case; an exception has the status "crashed" and its text as the message."""
     begin = time.perf_counter()
     end, found, status = None, Measurement("none"), "crashed"
     try:
@@ -236,7 +234,6 @@ def path(case: Case) -> list[Solution]:
 
 
 def follow(case: Case, loads: Sequence[Load] | None = None, **other: object) -> Solution:
-    """Return the last state of a path that differs from the case in loads, changes, magnet or model."""
     last = path(replace(case, loads=tuple(loads or case.loads), **other))[-1]  # type: ignore[arg-type]
     if last.status not in ("ok", "unstable"):
         raise StoppedError(last.message, last)
@@ -398,7 +395,6 @@ def stopped(case: Case, end: Solution) -> Measurement:
 
 
 def last_good(case: Case, end: Solution) -> Measurement:
-    """Compare the last converged state with the end of a new path to its load."""
     before = [load for load in case.loads if _travel(load) < _travel(end.load)]
     check, rubs = "last converged state against a new path to it", end.slip_share is not None
     try:
@@ -426,5 +422,4 @@ def onset(case: Case, end: Solution, why: str) -> Measurement:
 
 
 def _travel(load: Load) -> float:
-    """Return depth plus shear of a load, mm, which orders the loads of a path."""
     return load.depth + abs(load.shear_x)

@@ -84,7 +84,6 @@ def write_header(firmware: Firmware, folder: Path) -> None:
 
 
 def compiled(folder: Path, compiler: str, flags: Sequence[str], name: str = "run") -> Path:
-    """Compile firmware_run.c with the header of a folder, and return the program."""
     _run([compiler, *flags, "-I.", str(HERE / "firmware_run.c"), "-o", name, "-lm"], folder)
     return folder / name
 
@@ -117,7 +116,6 @@ def _run(command: Sequence[str], folder: Path) -> str:
 
 
 def random_outputs(coder: Decoder, count: int, rng: np.random.Generator) -> tuple[Array, Array]:
-    """Return outputs at random shifts of the workspace (n, 3), and the shifts (3, n), mm."""
     shift = rng.uniform(coder.low, coder.high, (count, 3)).T
     return decoder_export.outputs_at(coder, shift), shift
 
@@ -186,7 +184,6 @@ def hostile_faults(program: Path, coder: Decoder, count: int) -> tuple[int, floa
 
 
 def calibration(folder: Path) -> Path:
-    """Write calibration.json of a made sensor of the default design, from simulated presses."""
     design = Design()
     simulated_bench.bench(5, PRESSES).iloc[:, :7].to_csv(folder / "bench.csv", index=False)
     bench = bench_file.read([folder / "bench.csv"], design)
@@ -201,7 +198,6 @@ def calibration(folder: Path) -> Path:
 
 
 def judge(name: str, fields: dict[str, Any], level: str, flash: str, fewer: int) -> Row:
-    """Return the row of one case."""
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)
         found = calibration(folder) if level == "calibrated" else None

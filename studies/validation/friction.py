@@ -72,7 +72,6 @@ def run(progress: Progress, *, quick: bool = False) -> Result:
 
 
 def result(checks: Sequence[Row], curves: Sequence[Sequence[Solution]], loop: Sequence[Solution]) -> Result:
-    """Return the result of some checks, with the curves and the cycle of shear that it draws."""
     missed = [check["quantity"] for check in checks if not check["passed"]]
     files = {"friction.png": lambda path: save(path, draw_friction(curves, loop))}
     failures = pages.failed(missed, len(checks), "checks fail")
@@ -120,7 +119,6 @@ def onset(level: Accuracy, mu: float = 0.3, depth: float = 1e-5) -> list[Row]:
 
 
 def curve(mu: float, farthest: float, count: int, level: Accuracy) -> list[Solution]:
-    """Press to DEPTH, then shear to `farthest`, mm, in `count` increments."""
     shears = np.linspace(0.0, farthest, count + 1)
     states = _follow([Load(depth=DEPTH, shear_x=float(x), friction=mu) for x in shears], level)
     if states[-1].slip_share != 1:
@@ -129,14 +127,12 @@ def curve(mu: float, farthest: float, count: int, level: Accuracy) -> list[Solut
 
 
 def full_slip(states: Sequence[Solution]) -> Row:
-    """Check the ratio of tangential to normal force in the last state of a curve, where the whole contact slips."""
     last, mu = states[-1], float(states[-1].load.friction)
     ratio = last.response.force[0] / last.response.force[2]
     return _check("full slip", f"tangential / normal force, mu = {mu:g}", ratio, mu, 0.01)
 
 
 def cycle(mu: float, level: Accuracy, steps: int = 10) -> list[Solution]:
-    """Press to DEPTH, then shear to TURN, to -TURN and back to TURN."""
     up = np.linspace(0, TURN, steps // 2 + 1)
     shears = [*up, *np.linspace(TURN, -TURN, 2 * steps + 1)[1:], *np.linspace(-TURN, TURN, 2 * steps + 1)[1:]]
     return _follow([Load(depth=DEPTH, shear_x=float(x), friction=mu) for x in shears], level)
@@ -158,7 +154,6 @@ def closed(states: Sequence[Solution]) -> list[Row]:
 
 
 def other_model(model: Model, mu: float = 0.2, shears: Sequence[float] = (0.25, 1.0)) -> list[Row]:
-    """Check the forces of a model of tetrahedra against the harmonic model, at partial and at full slip."""
     loads = [Load(depth=0.5, shear_x=shear, friction=mu) for shear in shears]
     solid = _follow(loads, SOLID, "ignored", model=model)
     section = _follow(loads, STANDARD, "ignored", model="harmonic")
@@ -184,7 +179,6 @@ def tilted(level: Accuracy, mu: float = 0.3, depth: float = 0.5, shear: float = 
 
 
 def draw_friction(curves: Sequence[Sequence[Solution]], loop: Sequence[Solution]) -> list[Figure]:
-    """Return the ratio of tangential to normal force over the shear for several mu, and a cycle of shear."""
     x, ratio, force = "shear (mm)", "tangential over normal force", "force along the shear (N)"
 
     def table(states: Sequence[Solution]) -> pd.DataFrame:

@@ -62,7 +62,6 @@ def run(progress: Progress, accuracy: AccuracyName = "quick", count: Whole = 10,
 
 
 def loads(design: Design) -> list[Load]:
-    """Return the loads of a design: presses, then shears at three depths."""
     D = design.D
     return [
         *(Load(depth=share * D) for share in PRESSES),
@@ -125,7 +124,6 @@ def means(rows: pd.DataFrame, by: list[str]) -> pd.DataFrame:
 
 
 def summary(rows: pd.DataFrame) -> pd.DataFrame:
-    """Return the errors of each level in each region, and in the level's own range."""
     shear, depth = rows.shear_over_D, rows.depth_over_D
     regions = {
         "press to 0.06 D": (shear == 0) & (depth <= 0.06),

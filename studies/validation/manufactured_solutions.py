@@ -51,7 +51,6 @@ class Case:
 
     @property
     def hoop(self) -> bool:
-        """Whether there is a hoop stress that the coordinates of the section do not include."""
         return self.axisymmetric and self.harmonics == 0
 
 
@@ -215,7 +214,6 @@ def _stress(case: Case, X: Array) -> tuple[Array, Array]:
 
 
 def _body_force(case: Case, X: Array) -> Array:
-    """Return -Div P of the exact fields, shape (..., dim)."""
     b = np.zeros(X.shape)
     for J in range(case.dim):
         step = STEP * np.eye(case.dim)[J]

@@ -47,7 +47,6 @@ def failed(names: Sequence[str], count: int, what: str, between: str = "; ") -> 
 
 
 def told(progress: Progress, chosen: Sequence[Case], name: Callable[[Case], str]) -> Iterator[Case]:
-    """Yield cases; the progress tells each by its name before."""
     for i, case in enumerate(chosen):
         progress(i / len(chosen), name(case))
         yield case

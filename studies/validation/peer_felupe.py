@@ -66,7 +66,6 @@ class Plate:
         return self.points[..., 0] + self.field[0].values[self.edges, 0] @ self.shape.T - self.height
 
     def pressure(self) -> Any:
-        """Forces at the Gauss points."""
         overlap = self._overlap()
         active = overlap > 0 if self.pressed is None else self.pressed
         return np.where(active, self.weights * self.stiffness * overlap, 0.0)
@@ -105,7 +104,6 @@ def put_right() -> bool:
 
 
 def solve(given: Any) -> dict[str, Any]:
-    """Follow the depths; FElupe's axis of rotation is x, so a point is (z, r) here."""
     points = np.ascontiguousarray(given["points"][:, ::-1])
     cells = given["cells"]
     a, b = (points[cells[:, k]] - points[cells[:, 0]] for k in (1, 2))

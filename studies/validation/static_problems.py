@@ -90,7 +90,6 @@ def facet_loads(mesh: skfem.Mesh, e: Elements, name: str, traction: Sequence[flo
 
 
 def square(n: int, move: Callable[[Array], Array] | None = None) -> skfem.MeshTri2:
-    """Return the unit square in 2 n^2 triangles; `move` maps the coordinates (2, nodes) of its vertices."""
     grid = np.linspace(0, 1, n + 1)
     flat = skfem.MeshTri.init_tensor(grid, grid)
     return skfem.MeshTri2.from_mesh(flat if move is None else skfem.MeshTri(move(flat.p), flat.t))
@@ -210,7 +209,6 @@ def homogeneous_states(_: int) -> tuple[float, ...]:
 
 
 def tetrahedra(n: int) -> Elements:
-    """Return the unit cube of tetrahedra, n bricks along an edge."""
     return elements.build(
         skfem.MeshTet2.from_mesh(skfem.MeshTet.init_tensor(*[np.linspace(0, 1, n + 1)] * 3)), axisymmetric=False
     )
@@ -276,7 +274,6 @@ SMALL = 1e-7
 
 
 def elastica(slenderness: int, loads: tuple[float, ...]) -> tuple[float, ...]:
-    """Return deflection w / L and shortening u / L at the tip of a cylinder of given L / D for each P L^2 / (E I)."""
     system, e = cylinder(slenderness, 0.0, across=2, along=slenderness)
     unit = system.dead * INERTIA / slenderness**2
     steps = sorted({*np.linspace(0, max(loads), 9)[1:], *loads})
@@ -296,7 +293,6 @@ def tip_stiffness(n: int, nu: float, *, slenderness: int = 0, bonded: bool = Tru
 
 
 def vibration(rows: int, slenderness: int, nu: float, count: int) -> list[float]:
-    """Return the `count` lowest bending frequencies over those of Timoshenko's clamped and free beam."""
     system, _ = cylinder(slenderness, nu, across=rows, along=rows * slenderness)
     K = system.assemble(system.state(np.zeros(system.size)), None).tangent
     # three times as many modes, since torsion and extension lie between the bending frequencies

@@ -55,7 +55,6 @@ class TrainingSet(NamedTuple):
     shear: States
 
     def complete(self) -> TrainingSet:
-        """Return the beams of which no state has failed."""
         needed = self.press["force_x"], self.press["sideways_ratio"], self.shear["force_x"], self.mode["frequency"]
         rows = ~np.isnan(np.hstack(needed)).any(axis=1)
         return TrainingSet(self.beams[rows], *({name: q[rows] for name, q in part.items()} for part in self[1:]))
@@ -67,7 +66,6 @@ class TrainingSet(NamedTuple):
 
 
 def press_outputs(press: States) -> dict[str, Array]:
-    """Return the logarithms of the press's forms, (n, PRESS_NODES) each, by quantity."""
     q, depth = press, press["depth"]
     return {
         "force": np.log(q["force_z"] / depth**1.5),
@@ -207,7 +205,6 @@ def conformal_quantile(scores: Array) -> Array:
 
 
 def quantiles_by_region(scores: Array, region: NDArray[np.int64], regions: int = prediction.REGIONS) -> Array:
-    """Return the quantiles of scores (n, nodes) in each region, shape (regions, nodes)."""
     parts = [scores[region == k] for k in range(regions)]
     return np.array([conformal_quantile(own if len(own) >= FEWEST else scores) for own in parts])
 

@@ -83,14 +83,12 @@ class Outcome(NamedTuple):
     failed: int
 
     def errors(self) -> pd.DataFrame:
-        """Errors in all states of the test."""
         unseen, critical, _ = self.test
         tables = errors(self.surrogate, unseen), critical_errors(self.surrogate, unseen, critical)
         return pd.concat(tables, ignore_index=True)
 
 
 def build(extent: Extent, store: stores.Store, processes: Processes, progress: Progress | None = None) -> Outcome:
-    """Build and test the surrogate; states that the store has are not solved again."""
     solver = Solver(store, processes, progress, extent.accuracy)
     states = training_states(solver, training.training_beams(extent.first, extent.seed))
     for k, count in enumerate(extent.rounds):
@@ -272,7 +270,6 @@ def _scaled(group: Group, kind: str, rows: pd.DataFrame) -> Group:
 
 
 def _factors(rows: pd.DataFrame) -> Array:
-    """Return the quantile of the beams' scores in each region, shape (REGIONS, 1)."""
     beams = rows.assign(score=scores(rows)).groupby("beam", sort=False)
     first, worst = beams.first(), beams["score"].max().to_numpy()
     region = prediction.beam_region(*(first[name].to_numpy() for name in BEAM))
@@ -400,7 +397,6 @@ def goals(table: Sequence[Row], failed: int) -> list[Goal]:
 
 
 def designs_per_second(outcome: Outcome, count: int = 10_000) -> Mapping[str, float]:
-    """Return how many designs a CPU second takes, with intervals."""
     b = training.random_beams(count, 11)
     begin = time.process_time()
     beams = _predicted(outcome.surrogate, b)
@@ -446,7 +442,6 @@ def run(
 
 
 def result(outcome: Outcome, first: int) -> Result:
-    """Return the result of a study; `first` is the number of its first training beams."""
     rows = outcome.errors()
     table = summaries(rows)
     columns = ("kind", "quantity", "region", "p95_percent", "covered_beams_percent", "least_covered_percent")

@@ -53,7 +53,6 @@ finite elements themselves, NaN or missing where they are unknown."""
 
 
 def in_range(beams: Beams) -> NDArray[np.bool_]:
-    """Return which beams have enough silicone below the magnet for the surrogate."""
     return np.asarray(surrogate_range.below(beams.L, beams.height) >= surrogate_range.LEAST_BELOW)
 
 
@@ -88,7 +87,6 @@ def training_beams(count: int, seed: int) -> Beams:
 
 
 def random_beams(count: int, seed: int) -> Beams:
-    """Return independent random beams of the range."""
     rng = np.random.default_rng(seed)
     return _filled(of_cube(np.empty((0, DIMENSIONS))), count, lambda: rng.random((1024, DIMENSIONS)))
 
@@ -169,7 +167,6 @@ def compared(states: States, coarse: States) -> States:
 
 
 def motions(solver: Solver, beams: Beams, depth: Array, shear: Array | float = 0.0) -> States:
-    """Return the states of frictionless presses, or of glued shears, by paths over D, shapes (n, k), rising."""
     depth, shear = np.broadcast_arrays(depth, shear)
     glued, D = bool(shear.any()), DIAMETER_MM
     scenes = []
@@ -194,7 +191,6 @@ def critical_depths(solver: Solver, beams: Beams) -> States:
 
 
 def first_modes(solver: Solver, beams: Beams) -> States:
-    """Return the lowest natural frequencies of the unloaded beams over `frequency_unit`."""
     scenes = []
     for beam, ratio in zip(beams, density_ratio(beams).tolist(), strict=True):
         one = design(beam)
@@ -214,7 +210,6 @@ def shear_depth(beams: Beams, press: States) -> Array:
 
 
 def _single(name: str, values: Sequence[float]) -> States:
-    """Return the states of a quantity that each beam has once."""
     column = np.array(values, dtype=float)[:, None]
     return {"depth": np.zeros_like(column), "shear": np.zeros_like(column), name: column}
 

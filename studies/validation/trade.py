@@ -138,14 +138,12 @@ def run(
 
 
 def runs_on(kind: Kind, model: Model, level: str, count: int) -> list[int]:
-    """Return the numbers of the chosen designs on which a model is run."""
     chosen = [number for number in CHOSEN["order"] if number < count]
     counts = dict(zip(LEVELS, PLAN[kind]["runs"].get(model, [count] * len(LEVELS)), strict=True))
     return sorted(chosen[: counts[level]])
 
 
 def trial(number: int, kind: Kind, model: Model, *, confirm: bool = False) -> Trial:
-    """Return the path of loads of a kind on a design, in proportion to the design."""
     design = designs("trade_random" if confirm else "trade")[number]
     magnet: Magnet = "rigid" if design.shape.has_magnet else "ignored"
     own, under, D = PLAN[kind], CHOSEN["under"], design.D
@@ -241,11 +239,10 @@ def answers(runs: Sequence[Run], progress: Progress | None = None, store: Path |
     asked["shear_mm"] = [load.shear_x for _, load in states]
     quantities = ["force", "shift", "tilt", "readings"]
     found = answers_by([one.model_of_cases for one, _ in states], asked, quantities, store, progress)
-    place = pd.DataFrame(
-        {"design": one.trial.number, "kind": one.kind, "model": one.model, "level": one.level}
-        | {"depth_mm": load.depth, "shear_mm": load.shear_x, "friction": load.friction}
-        for one, load in states
-    )
+    columns = ["design", "kind", "model", "level", "depth_mm", "shear_mm", "friction"]
+    runs_and_loads = [(one.trial.number, one.kind, one.model, one.level, load) for one, load in states]
+    rows = [(*names, load.depth, load.shear_x, load.friction) for *names, load in runs_and_loads]
+    place = pd.DataFrame(rows, columns=columns)
     table = pd.concat([place, found.reindex(columns=[*COLUMNS, "status", "message"])], axis=1)
     upright = table.shear_mm == 0
     # an unstable press is the exact answer of a tip that is held on the axis
@@ -256,7 +253,6 @@ def answers(runs: Sequence[Run], progress: Progress | None = None, store: Path |
 
 
 def references(finenesses: Mapping[tuple[int, Kind], str], confirm: bool, progress: Progress | None) -> pd.DataFrame:
-    """Return the references of the states of each path, by STATE, as `extrapolated` does."""
     runs = []
     names = ("section_size", "section_patch", "harmonics", "friction_step_factor")
     for (number, kind), fineness in finenesses.items():
@@ -453,7 +449,6 @@ def cells(states: pd.DataFrame) -> list[Row]:
 
 
 def counting(states: pd.DataFrame) -> pd.Series:
-    """Return which states have errors, and are no formulas outside their range."""
     return ((states.model != "formula") | (states.message == "")) & states[TRUE].notna().any(axis=1)
 
 
@@ -504,7 +499,6 @@ def load_of(state: Row) -> Load:
 
 
 def as_text(rule: Sequence[Statement], origin: str) -> str:
-    """Return the text of model_choice.json: the versions of the models, and a statement on each line."""
     rows = ",\n".join(json_line(records.known(asdict(each))) for each in rule)
     made = f'"made": {json.dumps(origin)}, "versions": {json.dumps(model_choice.versions())}'
     return f'{{{made}, "statements": [\n{rows}\n]}}\n'

@@ -26,14 +26,12 @@ FILES = ("VERIFY.md", "verify.csv")
 
 
 def targets(*, quick: bool = False) -> list[Row]:
-    """Return the targets of a full or a quick run, rows of PROBLEMS with the meshes of this run, fast ones first."""
     found = tomllib.loads(PROBLEMS.read_text("utf-8"))["target"]
     chosen = [problem | {"meshes": problem.get("quick" if quick else "meshes", [1])} for problem in found]
     return [problem for problem in chosen if problem["meshes"]]
 
 
 def solved(target: Row, n: int) -> list[float]:
-    """Return the quantities of a target on mesh n."""
     places = (static_problems, motion_problems, manufactured_solutions)
     function = next(getattr(place, target["solve"]) for place in places if hasattr(place, target["solve"]))
     values: list[float] = []

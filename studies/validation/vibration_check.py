@@ -91,7 +91,6 @@ def run(progress: Progress, *, quick: bool = False) -> Result:
 
 
 def solve(case: Case, accuracy: Accuracy) -> Mapping[str, Curves]:
-    """Return the curves of each motion; none where the state is not reached."""
     band = RATIOS * lowest_frequency(case.design)
     try:
         sensor = vibrating_sensor(case.design, case.load, (band[0], band[-1]), accuracy, check=False)
@@ -148,7 +147,6 @@ def _gain(rule: VibrationQuantity, curves: Curves, fine: Curves) -> Complex:
 
 
 def summary(judged: Sequence[Row]) -> list[Row]:
-    """Return a row for each quantity, motion and kind of state: shares over all levels, errors of each level, %."""
     frame = pd.DataFrame(judged)
     frame["about"] = np.where(frame.kind == "shear", "a shear", "a press")
     frame.loc[frame.quantity == QUANTITIES[3], "about"] = "rest"
