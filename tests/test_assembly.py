@@ -93,56 +93,6 @@ def smooth(system):
     return q
 
 
-@pytest.mark.parametrize("make", [cylinder, cube])
-@pytest.mark.parametrize("depth", [1e-6, 0.2, 0.5])
-def test_uniaxial_press_of_a_block_has_its_closed_form(make, depth):
-    """Nominal stress mu (s - s^-2) of an incompressible block; the plate's penalty is part of the answer."""
-    system = make(nu=0.5)
-    spring = 1e6
-    flat = Plate(1 - depth, spring, np.zeros(2))
-    answer = newton(system, Solver(), np.zeros(system.size), flat, np.ones(system.surface.weights.shape, bool))
-    assert answer.converged
-    shortening = -answer.state.u[:, -1].min()
-    s = 1 - shortening
-    force = answer.assembly.forces[system.elements.nodes[:, -1] < 1e-9, -1].sum()
-    expected = shortening * (1 + s + s**2) / s**2 / 3 * system.surface.weights.sum()
-    assert force == pytest.approx(expected, rel=1e-8)
-
-
-def test_compressible_uniaxial_block():
-    """nu = 0.3: the free lateral stretch of P_rr = 0, solved by a scalar equation."""
-    from scipy.optimize import brentq
-
-    mu, inverse_K = lame(1.0, 0.3)
-
-    def stress(t, s):
-        J = t * t * s
-        I1 = 2 * t * t + s * s
-        W = mu * J ** (-2 / 3)
-        return [W * (x - I1 / 3 / x) + (J - 1) / inverse_K * J / x for x in (t, s)]
-
-    system = cylinder(nu=0.3)
-    flat = Plate(0.7, 1e7, np.zeros(2))
-    answer = newton(system, Solver(), np.zeros(system.size), flat, np.ones(system.surface.weights.shape, bool))
-    s = 1 + answer.state.u[:, 1].min()
-    t = brentq(lambda x: stress(x, s)[0], 1.0, 1.5)
-    assert answer.state.u[:, 0].max() == pytest.approx(t - 1, rel=1e-9)
-    force = 1e7 * (s - 0.7) * np.pi
-    assert force == pytest.approx(-stress(t, s)[1] * np.pi, rel=1e-6)
-
-
-def test_rigid_body_motion_gives_no_forces():
-    mesh = skfem.MeshTet2.from_mesh(skfem.MeshTet())
-    e = elements.build(mesh, axisymmetric=False)
-    system = System(e, None, lame(1.0, 0.4998), np.zeros(e.nodes.shape, bool))
-    u = rigid_inclusion.of_solid(e.nodes - 0.3, 6).displacement(np.array([0.2, -0.1, 0.3, 2.0, -0.7, 0.4]))
-    q = np.zeros(system.size)
-    q[: system.n_free] = u.ravel()
-    here = system.assemble(system.state(q), None)
-    assert np.abs(here.residual).max() < 1e-14
-    assert abs(here.energy) < 1e-14
-
-
 @pytest.mark.parametrize("kind", ["axial", "torsion", "harmonic", "planar", "spatial"])
 def test_rigid_motion_derivatives(kind):
     body = {

@@ -25,7 +25,6 @@ from geometry.design import BadInput, Design
 
 RNG = np.random.default_rng(20160403)
 SHAPES = [(2.0, 2.0), (2.0, 4.0), (2.0, 0.1), (0.5, 20.0)]
-AXIS = [[0, 0, z] for z in (5, 6, 7, 8)]
 
 
 def relative(b, expected):
@@ -73,14 +72,6 @@ def test_magnets_stay_from_where_the_push_is_that_of_friction():
 
 
 # --- known values
-
-
-def test_published_values_on_the_axis():
-    b = cylinder_field(AXIS, 2, 4, 1.2)
-    assert np.round(1e3 * b[:, 2], 3).tolist() == [77.684, 45.429, 28.626, 19.138]
-    assert (b[:, :2] == 0).all()
-    dipole = dipole_field(AXIS, 2, 4, 1.2)
-    assert np.round(1e3 * dipole[:, 2], 2).tolist() == [76.8, 44.44, 27.99, 18.75]
 
 
 def test_hull_is_the_mean_and_jumps_by_j_and_a_face_does_not():

@@ -41,38 +41,6 @@ def frequencies(system, count):
     return np.sqrt(values)
 
 
-def timoshenko(length, count):
-    """Angular frequencies of a clamped Timoshenko beam, diameter, E and density 1, by the transfer matrix."""
-    area, inertia = math.pi / 4, math.pi / 64
-    shear = 6 * (1 + NU) / (7 + 6 * NU) * area / (2 * (1 + NU))
-
-    def end(omega):
-        from scipy.linalg import expm
-
-        # deflection, rotation, moment, shear force along the beam
-        A = np.array(
-            [
-                [0, 1, 0, 1 / shear],
-                [0, 0, 1 / inertia, 0],
-                [0, -(omega**2) * inertia, 0, -1],
-                [-(omega**2) * area, 0, 0, 0],
-            ]
-        )
-        return np.linalg.det(expm(A * length)[2:, 2:])
-
-    grid = np.linspace(1e-4, 1.0, 4000)
-    values = np.array([end(w) for w in grid])
-    roots = [brentq(end, a, b) for a, b, x, y in zip(grid, grid[1:], values, values[1:], strict=False) if x * y < 0]
-    return np.array(roots[:count])
-
-
-def test_bending_of_a_slender_cylinder_is_timoshenkos():
-    found = frequencies(cylinder(20, angular_fields.fourier_fields(1)), 4)
-    beam = timoshenko(20, 3)
-    for omega in beam:
-        assert np.abs(found / omega - 1).min() < 0.01
-
-
 def test_axial_and_torsional_modes_of_a_slender_cylinder_are_those_of_a_rod():
     axial = frequencies(cylinder(20, angular_fields.fourier_fields(0)), 2)
     both = frequencies(cylinder(20, angular_fields.torsion_fields()), 5)

@@ -43,6 +43,16 @@ def test_estimate_covers_the_error_of_the_time_steps(law: ViscousLaw, cycles) ->
         assert error < state.time_error + 2e-6
 
 
+def test_shorter_steps_have_errors_of_second_order() -> None:
+    def at_shear(step: float) -> float:
+        accuracy = replace(COARSE, harmonics=1)
+        (state,) = follow(SOFT, [TimedLoad(1, Load(shear_x=3.0, grip=1.0))], accuracy, steps=TimeControl(0.9, step))
+        return state.solution.response.force[0]
+
+    coarse, middle, fine = at_shear(0.0625), at_shear(0.03125), at_shear(0.015625)
+    assert np.log2((coarse - middle) / (middle - fine)) == pytest.approx(2.0, abs=0.1)
+
+
 @pytest.mark.parametrize("law", ["prony", "finite"])
 def test_work_is_stored_or_dissipated(law: ViscousLaw, cycles) -> None:
     states = cycles[law]

@@ -11,7 +11,6 @@ import scipy.sparse.linalg as spla
 
 from fem.accuracy import QUICK, STANDARD
 from fem.analyses import vibration
-from fem.analyses.modes import frequency_unit, modes
 from fem.analyses.small_shear import small_shear
 from fem.analyses.vibration import build_blocks
 from fem.model import elements, material
@@ -21,7 +20,6 @@ from geometry import cad
 from geometry.design import BadInput, paper
 from geometry.loads import Load
 from geometry.relaxation import Relaxation
-from studies.validation.motion_problems import full_solution
 
 ROUGH = replace(QUICK, section_size=0.25, section_patch=0.03, harmonics=1)
 """Exact relations hold on any mesh."""
@@ -38,45 +36,6 @@ SHEARED = Load(depth=1.0, shear_x=0.5, friction="stick")
 @functools.cache
 def sensor(load, *, magnet="rigid", band=(1.0, 1000.0), **fields):
     return vibration.vibrating_sensor(replace(paper(), **fields), load, band, ROUGH, magnet=magnet)
-
-
-def test_the_reduced_basis_gives_the_force_and_pose_of_full_solutions():
-    reduced, frequencies = sensor(SHEARED), (600.0,)
-    unit, rest = frequency_unit(reduced.scene.design), reduced.relaxation.rest
-    E, D = reduced.scene.design.E, reduced.scene.design.D
-    answer, first = reduced.at(frequencies), 0
-    for block in build_blocks(reduced.scene)[1]:
-        columns = slice(first, first + len(block.motions))
-        rows = [("x", "z").index(motion) for motion in block.motions]
-        for i, f in enumerate(frequencies):
-            c = complex(reduced.relaxation.complex_modulus(2 * np.pi * f)) / rest - 1
-            x = full_solution(block.problem, c, (f / unit) ** 2)
-            force = (block.held - block.problem.b.T @ x) * E * D
-            pose = pose_slopes(block.state, x.real) + 1j * pose_slopes(block.state, x.imag)
-            assert np.abs(answer.force[i, columns][:, rows].T - force).max() < 1e-8 * np.abs(force).max()
-            assert np.abs(answer.shift[i, columns].T - pose[:2]).max() < 1e-8 * np.abs(pose).max()
-            assert np.abs(answer.tilt[i, columns] - pose[2] / D).max() < 1e-8 * np.abs(pose).max()
-        first = columns.stop
-
-
-@pytest.mark.parametrize("load", [Load(), GLUED])
-def test_without_damping_the_resonances_are_the_modes(load):
-    natural = modes(paper(), count=4, depth=load.depth, accuracy=ROUGH, estimate=False)
-    first = {shape: f for f, shape in reversed(list(zip(natural.frequency, natural.shape, strict=True)))}
-    own = sensor(load).undamped(1)
-    assert own["z"][0] == pytest.approx(first["axial"], rel=1e-8)
-    assert own["x"][0] == pytest.approx(first["bending"], rel=1e-8)
-    # the motion of an elastic sensor changes its sign where it resonates
-    elastic = sensor(load, loss_factor=0.0)
-    below, above = elastic.at(first["bending"] * np.array([1 - 1e-4, 1 + 1e-4])).shift[:, 1, 0].real
-    assert below > 0 > above
-
-
-def test_a_slow_motion_has_the_stiffness_of_an_elastic_sensor():
-    slow = sensor(GLUED, band=(1e-4, 1.0), loss_low=1.0).at([1e-4]).force
-    elastic = sensor(GLUED, band=(1e-4, 1.0), loss_factor=0.0).at([1e-4]).force
-    assert np.abs(slow - elastic).max() < 1e-3 * np.abs(elastic).max()
-    assert np.abs(elastic.imag).max() == 0
 
 
 def test_the_bulk_modulus_does_not_relax():
@@ -139,13 +98,6 @@ def test_points_that_slip_stick_in_small_cycles():
     """So the friction coefficient hardly matters, and the sensor is nearly that whose contact is glued."""
     slipping = sensor(Load(depth=1.0, friction=0.3)).at([10.0])
     assert slipping.force == pytest.approx(sensor(GLUED).at([10.0]).force, rel=0.05, abs=1e-6)
-
-
-def test_a_tilted_plate_has_a_symmetric_impedance():
-    force = sensor(Load(depth=1.0, plate_tilt=0.05)).at([600.0]).force[0]
-    assert force[0, 0] == pytest.approx(force[1, 1], rel=1e-8)
-    # without friction the force is normal to the plate
-    assert force[0, 0] / force[0, 1] == pytest.approx(-np.tan(0.05), rel=1e-6)
 
 
 @functools.cache
