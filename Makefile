@@ -41,7 +41,7 @@ compile: setup
 
 # the verdicts of stability without MKL, in an environment of their own
 plain: $(PLAIN)/ready
-	MAGTIP_PLAIN=1 $(ONE_THREAD) $(PLAIN)/bin/python -m pytest -p no:cacheprovider tests/test_without_extras.py tests/test_direct_solver.py tests/test_lateral_stiffness.py
+	MAGTIP_PLAIN=1 $(ONE_THREAD) $(PLAIN)/bin/python -m pytest -p no:cacheprovider tests/test_without_extras.py tests/test_linear_solvers.py tests/test_stability.py
 
 $(PLAIN)/ready: .venv/ready tests/plain_environment.py
 	$(BIN)/python tests/plain_environment.py $(PLAIN)

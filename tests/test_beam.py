@@ -216,15 +216,6 @@ def test_shear_turns_with_its_direction(level):
     assert (turned.tilt, turned.tilt_y, back.tilt) == pytest.approx((0.6 * along.tilt, 0.8 * along.tilt, -along.tilt))
 
 
-def test_a_magnet_stiffens_and_a_flat_one_turns_less_than_a_tall_one():
-    """Jeffery: in the same shear a disc follows the planes across the beam, a needle those along it."""
-    flat = beam.solve(paper(), stick(1.0, 0.5), "magnet")
-    tall = beam.solve(replace(paper(), magnet_diameter=2.0, magnet_height=4.0), stick(1.0, 0.5), "magnet")
-    bare = beam.solve(SILICONE, stick(1.0, 0.5), "magnet")
-    assert flat.force[2] > bare.force[2]
-    assert flat.tilt < bare.tilt < tall.tilt
-
-
 @pytest.mark.parametrize(
     ("design", "load", "level", "text"),
     [

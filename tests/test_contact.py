@@ -21,7 +21,6 @@ from geometry.design import Design, paper
 from geometry.loads import Load
 
 ROUGH = replace(QUICK, name="rough", section_size=0.2, harmonics=1)
-SOLID = replace(QUICK, name="solid", solid_size=0.3, solid_patch=0.1, friction_step_factor=3.0)
 
 
 def history(rng, points, mu):
@@ -103,15 +102,6 @@ def test_a_press_is_the_same_in_the_axisymmetric_and_the_harmonic_model():
     assert other.dissipated == pytest.approx(one.dissipated, rel=1e-4)
     assert other.slip_share == pytest.approx(one.slip_share, abs=1e-6)
     assert abs(other.response.force[0]) < 1e-12
-
-
-@pytest.mark.parametrize(("model", "level"), [("harmonic", ROUGH), ("half", SOLID)])
-def test_at_full_slip_the_tangential_force_is_mu_times_the_normal_one(model, level):
-    state = bare([0.5], 0.1, depth=0.5, level=level, model=model)[-1]
-    assert state.status == "ok"
-    assert "full slip" in state.message
-    assert state.slip_share == 1
-    assert state.response.force[0] == pytest.approx(0.1 * state.response.force[2], rel=0.01)
 
 
 def test_a_cycle_closes_its_loop_whose_area_is_dissipated():

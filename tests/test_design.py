@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from analytic.parts import of_design
 from geometry import design_digest
-from geometry.design import HALL_LAYOUTS, LEAST_WALL, PRESETS, BadInput, Design, Shape, paper
+from geometry.design import HALL_LAYOUTS, LEAST_WALL, BadInput, Design, Shape, paper
 from geometry.loads import Load, Response, tilts_of
 
 FIELDS = [spec for spec in dataclasses.fields(Design) if "low" in spec.metadata]
@@ -133,12 +133,6 @@ def test_texts_and_numbers_of_a_law():
     assert changed(law="yeoh", yeoh_3=2).law_numbers == (0.0, 2.0)
     assert changed(law="ogden").law_numbers == (2.0, -2.0, 0.0)
     assert paper().law_numbers == ()
-
-
-def test_frozen_and_presets():
-    with pytest.raises(dataclasses.FrozenInstanceError):
-        paper().D = 3.0
-    assert PRESETS["paper"]() == Design() == paper()
 
 
 @pytest.mark.parametrize("layout", HALL_LAYOUTS)

@@ -9,9 +9,6 @@ from scipy.integrate import simpson
 
 from fem.accuracy import QUICK, STANDARD
 from fem.equilibrium import solve, trace
-from fem.model.symmetry_models import MeshSpecification
-from fem.solve.path_state import with_harmonics
-from fem.solve.press import solve_press
 from geometry.design import Design, paper
 from geometry.loads import Load
 
@@ -32,15 +29,6 @@ def test_similar_designs_under_similar_loads_also_of_another_modulus(factor):
     for name in ("shift", "contact_radius"):
         expected = factor * np.array(getattr(one.response, name))
         assert getattr(other.response, name) == pytest.approx(expected, rel=1e-9)
-
-
-@pytest.mark.parametrize("magnet", ["rigid", "ignored"])
-def test_force_is_the_derivative_of_the_stored_energy(magnet):
-    step = 0.01
-    low, middle, high = trace(
-        paper(), [Load(depth=d) for d in (1 - step, 1.0, 1 + step)], QUICK, magnet=magnet, estimate=False
-    )
-    assert (high.energy - low.energy) / (2 * step) == pytest.approx(normal(middle), rel=2e-3)
 
 
 @pytest.mark.parametrize(("magnet", "size"), [("rigid", 0.135), ("ignored", 0.17)])
@@ -69,19 +57,6 @@ def test_shear_direction_only_turns_the_answer():
     np.testing.assert_allclose(between.force[:2], (-0.6 * force, 0.8 * force), atol=1e-9)
     np.testing.assert_allclose((across.tilt, across.tilt_y), (0, tilt), atol=1e-9)
     np.testing.assert_allclose((between.tilt, between.tilt_y), (-0.6 * tilt, 0.8 * tilt), atol=1e-9)
-
-
-@pytest.mark.parametrize("magnet", ["rigid", "ignored"])
-def test_a_press_is_an_equilibrium_of_any_number_of_harmonics(magnet):
-    shape = paper().shape.scaled(1 / 8)
-    section = MeshSpecification(shape, 0.4998, magnet, 0.12, 0.06)
-    (state, stop), high = solve_press(section, 0.1), replace(section, harmonics=3).build()
-    assert not stop
-    raised = with_harmonics(state, high)
-    here = high.system.assemble(high.system.state(raised.q), raised.plate)
-    there = state.d.system.assemble(state.d.system.state(state.q), state.plate)
-    assert here.energy == pytest.approx(there.energy, rel=1e-12)
-    assert np.abs(here.residual).max() < 2 * np.abs(there.residual).max() + 1e-12 * np.abs(there.forces).max()
 
 
 @pytest.mark.parametrize(

@@ -15,11 +15,9 @@ from fem.model.symmetry_models import MeshSpecification
 from fem.physics_version import PHYSICS
 from fem.results.error_estimates import (
     VibrationQuantity,
-    error_rule,
     error_rules,
     estimate_response,
     load_case,
-    relative_error,
     table_rows,
 )
 from fem.scene import Scene
@@ -171,18 +169,6 @@ def test_errors_fall_with_the_edge_length():
         assert rule.usual(0.045, 0.2) < rule.usual(0.09, 0.2)
         assert min(rule.m, rule.p, rule.c) > 0
         assert 0 <= rule.s <= 1
-
-
-def test_a_vector_that_is_known_in_part_has_no_estimate():
-    rule = error_rule("press", "rigid", "force")
-    assert relative_error(rule, (1.0, 2.0), (1.0, 2.1), 0.05, 1.0) > 0
-    for value, coarse in (
-        ((1.0, None), (None, 2.1)),
-        ((1.0, None), (1.0, None)),
-        ((None,), (2.0,)),
-        ((1.0,), (None,)),
-    ):
-        assert relative_error(rule, value, coarse, 0.05, 1.0) is None
 
 
 # The blocks of single orders against the whole tangent of a section with harmonics, and the pose they give.

@@ -1,4 +1,4 @@
-"""The study of Coulomb friction: its verdicts, its files, its verb. The physics: tests/test_coulomb_friction.py."""
+"""The study of Coulomb friction: its verdicts, its files, its verb. The physics: tests/test_contact.py."""
 
 from dataclasses import replace
 

@@ -10,16 +10,13 @@ from fem.analyses import small_shear
 from fem.analyses.modes import modes
 from fem.equilibrium import trace
 from fem.model import rigid_inclusion
-from fem.model.symmetry_models import MeshSpecification, specification
+from fem.model.symmetry_models import MeshSpecification
 from fem.results.postprocess import read_pose
-from fem.scene import Scene
-from fem.solution import Estimates
 from fem.solve import load_increments, press
 from fem.solve.direct_solver import Solver
 from fem.solve.load_increments import apply_increment, follow_segment
 from fem.solve.newton import TOLERANCE, NoStateError
 from fem.solve.path_state import at_rest
-from fem.solve.press import find_press, measure_contact_edge, solve_press
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load
 
@@ -83,16 +80,6 @@ def test_a_state_does_not_depend_on_the_others_of_its_path(before, load):
     assert company.response.force == pytest.approx(alone.response.force, rel=1e-9)
 
 
-SECTION = specification(Scene(paper(), (Load(depth=1.0),), QUICK), 0.16, 0.08)
-
-
-def test_the_end_of_a_contact_stays_where_it_was_found():
-    """Beside one more press on a mesh that is fine where the end was found."""
-    radius = find_press(SECTION, 0.02, 0.125)
-    again = measure_contact_edge(solve_press(replace(SECTION, rim=(radius, 0.012)), 0.125)[0])
-    assert radius == pytest.approx(again, rel=0.01)
-
-
 def test_a_press_that_crushes_silicone_is_no_state_to_analyse(monkeypatch):
     """With a bound that every deformation breaks; the true one lets 5 mm pass and not 6.5 mm."""
     monkeypatch.setattr(press, "FOLDED", 1.0)
@@ -112,14 +99,6 @@ def test_small_shear_is_the_start_of_a_finite_one(magnet):
     force, shift, tilt = state.response.force[0], state.response.shift[0], state.response.tilt
     np.testing.assert_allclose((shift / way, tilt / way), (small.shift, small.tilt), rtol=0.01)
     assert force / way == pytest.approx(small.stiffness, rel=0.01)
-
-
-def test_small_shear_scales_with_size_and_modulus():
-    one = small_shear.small_shear(paper(), 1.0, accuracy=QUICK)
-    other = small_shear.small_shear(replace(paper(), E=2 * paper().E), 1.0, accuracy=QUICK, estimate=False)
-    assert other.estimates == Estimates()
-    assert other.stiffness == pytest.approx(2 * one.stiffness, rel=1e-9)
-    assert other.tilt == pytest.approx(one.tilt, rel=1e-9)
 
 
 @pytest.mark.parametrize("depth", [0.0, -1.0, 50.0])

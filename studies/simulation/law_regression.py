@@ -305,7 +305,7 @@ a press of the paper's sensor to D/4 they reach 2.7 by 0.33, and to 3/8 D 4.3 by
 SOLVE: Ranges = {"uniaxial": (0.39, 1.26), "equibiaxial": (0.89, 1.6), "planar": (0.41, 2.3)}
 """Stretches of all but a thousandth of the silicone, next to each mode, in a press of the paper's sensor to 3/8 D (3
 mm, neo-Hookean, accuracy standard); in a press to D/4 (2 mm) 0.52 to 1.18, 0.92 to 1.38 and 0.59 to 1.64.
-`tests/test_silicone_limits.py` measures them at the points of integration."""
+`tests/test_diagnostics.py` measures them at the points of integration."""
 
 STEPS = 400
 """Number of stretches between 1 and each end of the range at which stability is checked."""
