@@ -131,23 +131,16 @@ FOUR = [
     Element(f"E{k}", position, direction, 31.25, 2.5, 0.2, 4.8, noise=1e-3)
     for k, (position, direction) in enumerate(PLACES)
 ]
-AXES = ((0, 0, -1), (1, 0, 0), (0, 1, 0))
-TWO_DIES = [
-    Element(f"die {k} axis {j}", (2.5 * k, 0, -2.2), axis, 1.0, 0.0, -0.16, 0.16, noise=1e-4, average=100)
-    for k in (-1, 1)
-    for j, axis in enumerate(AXES)
-]
 
 
-@pytest.mark.parametrize("elements", [FOUR, TWO_DIES], ids=["four elements", "two dies"])
-def test_the_residual_tells_a_built_sensor_from_the_nominal_one_and_a_wrong_reading_from_both(elements):
+def test_the_residual_tells_a_built_sensor_from_the_nominal_one_and_a_wrong_reading_from_both():
     """Gains that differ by some percent are no noise; with their deviation stated, they are what the sensor is."""
-    nominal = decode.decoder(paper(), elements=elements)
+    nominal = decode.decoder(paper(), elements=FOUR)
     shift, field = poses(nominal, 300)
     rng = np.random.default_rng(4)
     deviation = 0.04 / np.sqrt(3) * np.abs(field).mean(axis=1)
-    built = decode.decoder(paper(), elements=elements, deviation=deviation)
-    read = field * (1 + rng.uniform(-0.04, 0.04, len(elements)))[:, None]
+    built = decode.decoder(paper(), elements=FOUR, deviation=deviation)
+    read = field * (1 + rng.uniform(-0.04, 0.04, len(FOUR)))[:, None]
     inside = (np.abs(shift) < 0.7 * nominal.high.max()).all(axis=0) & (shift[2] < -0.3) & (shift[2] > -1.5)
     inside &= np.array([status == "ok" for status in decode.decode(nominal, field.T).status])
     assert inside.sum() > 50

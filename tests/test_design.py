@@ -241,17 +241,6 @@ def test_fields_edited_afterwards_are_refused(made):
         design_digest.check({**label, "made_for": changed}, design_digest.of_mechanics(paper()), "states.jsonl")
 
 
-def test_the_label_of_a_mesh_may_hold_more_fields_and_another_silicone():
-    shape = paper().shape
-    whole, outside = design_digest.of_solid(shape), design_digest.of_solid(shape, magnet=False)
-    about = design_digest.from_numbers(design_digest.as_numbers(whole))
-    assert design_digest.check(about, whole, "a mesh")
-    assert design_digest.check(about, outside, "a mesh")
-    bare = design_digest.label(design_digest.of_solid(shape.without_magnet()))
-    with pytest.raises(BadInput, match=r"with magnet_diameter 0 mm, .* where this design has magnet_diameter 4 mm"):
-        design_digest.check(bare, whole, "a mesh")
-
-
 # What `magtip design` and `mesh` say of a design, and the file that is written.
 
 

@@ -62,6 +62,11 @@ def test_the_onset_is_a_fact_in_mm_and_a_sentence(pressed):
     row = state_rows.solved_row(state, {})
     assert (row["onset_depth_from_mm"], row["onset_depth_to_mm"]) == (0.2, 0.3)
     assert row["onset_shear_from_mm"] is None
+    # the skin has no creases here
+    assert "it cannot be told whether the silicone or the mesh is unstable" in state.message
+    sheared = replace(unstable, onset=(np.array([0.05, 0, 0]), np.array([0.05, -0.03, 0.04])))
+    facts = read(sheared, SCENE, SCENE.loads[0]).facts
+    assert (facts.onset, facts.onset_mm) == ("shear", pytest.approx((0.0, 0.4)))
 
 
 @pytest.mark.parametrize(("depth", "remark"), [(1.8, None), (2.65, "nearly_guided_only"), (3.1, "guided_only")])

@@ -120,18 +120,6 @@ def test_outline_and_beam_have_the_lengths_of_the_plan(shape):
     assert sorted(c.dxf.radius for c in holes) == ([1.1] * 4 if shape == "square" else [])
 
 
-def test_leads_of_s2_and_s3_meet_their_pads_below_the_passages():
-    design = Design()
-    p, centres = plan(design, Base()), pads(design)
-    for name, three in (("S1", centres[:3]), ("S2", centres[3:6]), ("S3", centres[6:])):
-        (x, y, _), (wide, tall, _) = p.seats.passages[name].corner, p.seats.passages[name].sides
-        assert all(x < u < x + wide and y < v < y + tall for u, v in three)
-    drawing = board_of(design)
-    circles = drawing.modelspace().query('CIRCLE[layer=="PADS"]')
-    assert {tuple(c.dxf.center)[:2] for c in circles} == set(centres)
-    assert len(circles) == 18
-
-
 @pytest.mark.parametrize("process", ["fdm", "sla"])
 @pytest.mark.parametrize("layout", CHIPS)
 def test_pads_and_capacitor_of_a_chip_lie_in_its_pocket(layout, process):

@@ -13,6 +13,7 @@ from fem.accuracy import QUICK, STANDARD
 from fem.analyses import vibration
 from fem.analyses.small_shear import small_shear
 from fem.analyses.vibration import build_blocks
+from fem.equilibrium import solve
 from fem.model import elements, material
 from fem.results.postprocess import pose_slopes
 from fem.scene import Scene
@@ -98,6 +99,14 @@ def test_points_that_slip_stick_in_small_cycles():
     """So the friction coefficient hardly matters, and the sensor is nearly that whose contact is glued."""
     slipping = sensor(Load(depth=1.0, friction=0.3)).at([10.0])
     assert slipping.force == pytest.approx(sensor(GLUED).at([10.0]).force, rel=0.05, abs=1e-6)
+
+
+def test_a_grip_has_the_static_stiffness_of_its_shear():
+    step = 1e-3
+    shear = solve(paper(), Load(grip=2.0, shear_x=step), ROUGH).response.force[0] / step
+    gripped = sensor(Load(grip=2.0, shear_x=step))
+    assert gripped.static_stiffness()["x"] == pytest.approx(shear, rel=1e-3)
+    assert np.isnan(gripped.at([1.0]).kept_amplitude).all()
 
 
 @functools.cache
