@@ -24,15 +24,10 @@ EXTREMES = {
 }
 
 
-def magnet_area(s: Shape) -> float:
-    a, h, rho = s.magnet_diameter / 2, s.magnet_height, s.magnet_edge_radius
-    return a * h - 2 * rho**2 * (1 - math.pi / 4)
-
-
-def integrals(mesh, elements=None):
-    """Area and volume of revolution."""
+def volume_of(mesh, elements=None):
+    """Volume of revolution."""
     basis = skfem.Basis(mesh, skfem.ElementTriP2(), intorder=6, elements=elements)
-    return basis.dx.sum(), 2 * math.pi * (basis.global_coordinates()[0] * basis.dx).sum()
+    return 2 * math.pi * (basis.global_coordinates()[0] * basis.dx).sum()
 
 
 def angles(mesh):
@@ -65,7 +60,7 @@ def test_extremes(name, magnet):
     shape = EXTREMES[name]
     mesh = section(shape, 0.1, magnet=magnet)
     expected = beam_volume(shape) - (magnet_volume(shape) if magnet == "hole" else 0)
-    assert integrals(mesh)[1] == pytest.approx(expected, rel=1e-5)
+    assert volume_of(mesh) == pytest.approx(expected, rel=1e-5)
     assert angles(mesh).min() > 14
 
 
@@ -73,21 +68,13 @@ def test_every_boundary_lies_on_its_exact_curve():
     mesh = section(PAPER, 0.075)
     assert np.all(nodes_on(mesh, "base")[1] == 0)
     assert np.all(nodes_on(mesh, "axis")[0] == 0)
-    r, z = nodes_on(mesh, "skin")
-    dome = z > PAPER.H
-    np.testing.assert_allclose(np.hypot(r[dome], z[dome] - PAPER.H), PAPER.R, rtol=1e-14)
-    assert np.all(r[~dome] == PAPER.R)
-    r, z = nodes_on(mesh, "magnet")
-    a, b, rho = PAPER.magnet_diameter / 2, PAPER.magnet_height / 2, PAPER.magnet_edge_radius
-    round_r, round_z = r - (a - rho), np.abs(z - PAPER.H) - (b - rho)
-    fillet = (round_r > 0) & (round_z > 0)
-    assert np.count_nonzero(fillet) >= 6
-    np.testing.assert_allclose(np.hypot(round_r, round_z)[fillet], rho, rtol=1e-12)
-    assert np.all((r[~fillet] == a) | (np.abs(z[~fillet] - PAPER.H) == b))
+    for name, distance in (("skin", skin_distance), ("magnet", magnet_distance)):
+        r, z = nodes_on(mesh, name)
+        np.testing.assert_allclose(distance((r, 0, z), PAPER), 0, atol=1e-14)
 
 
 @pytest.mark.parametrize("magnet", ["hole", "meshed", "none"])
-def test_boundaries_are_complete_and_lengths_right(magnet):
+def test_boundaries_are_complete(magnet):
     mesh = section(PAPER, 0.075, magnet=magnet)
     outer = [mesh.boundaries[name] for name in ("base", "axis", "skin")]
     if magnet == "hole":
@@ -96,18 +83,7 @@ def test_boundaries_are_complete_and_lengths_right(magnet):
     if magnet == "meshed":
         sides = mesh.f2t[:, mesh.boundaries["magnet"]]
         assert np.all(np.isin(sides, mesh.subdomains["magnet"]).sum(axis=0) == 1)
-        core = integrals(mesh, mesh.subdomains["magnet"])
-        assert core == pytest.approx((magnet_area(PAPER), magnet_volume(PAPER)), rel=1e-5)
-
-    def length(name):
-        return skfem.FacetBasis(mesh, skfem.ElementTriP2(), facets=mesh.boundaries[name], intorder=8).dx.sum()
-
-    axis = PAPER.L - (PAPER.magnet_height if magnet == "hole" else 0)
-    lengths = {"base": PAPER.R, "axis": axis, "skin": PAPER.H + math.pi / 2 * PAPER.R}
-    if magnet != "none":
-        a, h, rho = PAPER.magnet_diameter / 2, PAPER.magnet_height, PAPER.magnet_edge_radius
-        lengths["magnet"] = 2 * a + h - 4 * rho + math.pi * rho
-    assert {name: length(name) for name in mesh.boundaries} == pytest.approx(lengths, rel=1e-4)
+        assert volume_of(mesh, mesh.subdomains["magnet"]) == pytest.approx(magnet_volume(PAPER), rel=1e-5)
 
 
 def test_random_designs_are_well_shaped():
@@ -120,7 +96,7 @@ def test_random_designs_are_well_shaped():
         assert smallest[-1].min() > 12
         assert mesh.nelements < 2500
         expected = beam_volume(shape) - magnet_volume(shape)
-        assert integrals(mesh)[1] == pytest.approx(expected, rel=3e-5)
+        assert volume_of(mesh) == pytest.approx(expected, rel=3e-5)
     assert np.quantile(np.concatenate(smallest), 0.01) > 25
 
 
