@@ -40,9 +40,8 @@ def test_no_value_is_cut(room):
 
 
 def nothing_is_cut(rows, room):
-    columns = [text_tables.column(key, [row[key] for row in rows]) for key in rows[0]]
-    places = text_tables.fitting([column.least for column in columns], 0, range(len(columns)), room)
-    chosen = [columns[k] for k in places]
+    columns = {key: text_tables.column(key, [row[key] for row in rows]) for key in rows[0]}
+    chosen = [columns[key] for key in text_tables.fitting(columns, (), room) or ()]
     widths = text_tables.spread(chosen, room)
     assert room is None or sum(widths) + 2 * (len(widths) - 1) <= room
     for k, row in enumerate(zip(*(column.cells for column in chosen), strict=True)):

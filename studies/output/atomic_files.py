@@ -83,7 +83,6 @@ def sole_writer(*paths: str | Path | None) -> Iterator[None]:
 
 @contextlib.contextmanager
 def _locked(file: Path, what: str) -> Iterator[None]:
-    """Hold a lock; if another process holds it, raise BadInput with `what` that process does."""
     try:
         with only(file):
             yield
@@ -306,19 +305,13 @@ def _locked_handle(file: Path) -> int:
                 raise Held(_owner(file))
             # the last owner may have deleted the file between opening and locking: then other processes would lock
             # a new file of this name, so open again
-            if _same(file, handle):
-                return handle
+            with contextlib.suppress(FileNotFoundError):
+                if os.path.samestat(os.stat(file), os.fstat(handle)):
+                    return handle
         except BaseException:
             os.close(handle)
             raise
         os.close(handle)
-
-
-def _same(file: Path, handle: int) -> bool:
-    try:
-        return os.path.samestat(os.stat(file), os.fstat(handle))
-    except FileNotFoundError:
-        return False
 
 
 def _owner(file: Path) -> str:

@@ -23,9 +23,6 @@ MOST_NAMED = 6
 SENTENCES = ("message", "warning", "warnings")
 """Keys of sentences, which verbs print in full below a table; only a wide table has columns for them."""
 
-LEFTMOST = 2
-"""Number of columns that a table must show if a verb does not name the columns that it needs."""
-
 NUMBER, LIST = 8, 20
 """Initial widths of columns of numbers and of lists, characters, in a table whose rows are printed one by one."""
 
@@ -59,7 +56,7 @@ def report(
     Parameters
     ----------
     brief : keys that only a wide table shows.
-    first : keys that the table must show; default: those of the leftmost `LEFTMOST` columns.
+    first : keys that the table must show; default: those of the leftmost columns.
     wide : whether all columns are shown, however long the lines become.
     """
     if as_json:
@@ -74,7 +71,7 @@ def report(
         keys, rest = _keys(records, brief, wide=wide)
         columns = {key: text_tables.column(key, [record.get(key) for record in records]) for key in keys}
         space = None if wide else room()
-        chosen = _fitting(columns, first, space)
+        chosen = text_tables.fitting(columns, first, space)
         if chosen is None:
             blocks = [text_tables.upright({key: record.get(key) for key in keys}, space, 4) for record in records]
             _print_lines(title, [line for block in blocks for line in (*block, "")][:-1])
@@ -85,21 +82,11 @@ def report(
 
 
 def _keys(records: Sequence[Mapping[str, Any]], brief: Sequence[str], *, wide: bool) -> tuple[list[str], list[str]]:
-    """Return the keys of a table's columns, and the keys that only a wide table has."""
     filled = dict.fromkeys(key for record in records for key, value in record.items())
     empty = {key for key in filled if all(record.get(key) in (None, "") for record in records)}
     keys = [key for key in filled if key not in empty]
     rest = [] if wide else [key for key in keys if key in (*brief, *SENTENCES)]
     return [key for key in keys if key not in rest], [key for key in rest if key not in SENTENCES]
-
-
-def _fitting(columns: Mapping[str, Column], first: Sequence[str], space: int | None) -> list[str] | None:
-    """Return the keys of the columns that fit into a line, or None if the needed ones do not fit."""
-    keys = list(columns)
-    needed = [key for key in first if key in columns] or keys[:LEFTMOST]
-    order = [keys.index(key) for key in (*needed, *(key for key in keys if key not in needed))]
-    places = text_tables.fitting([columns[key].least for key in keys], len(needed), order, space)
-    return None if places is None else [keys[k] for k in places]
 
 
 def _name_hidden_columns(keys: Sequence[str]) -> None:
@@ -144,7 +131,7 @@ class _Stream:
             spare = LIST if isinstance(value, (list, tuple)) else NUMBER if isinstance(value, (int, float)) else 0
             before = self.columns[key].cells if key in self.columns else (" " * spare,)
             self.columns[key] = replace(column, cells=(max(*before, *column.cells, key=len),))
-        self.chosen = _fitting(self.columns, self.first, self.space)
+        self.chosen = text_tables.fitting(self.columns, self.first, self.space)
         if self.chosen is not None:
             widths = [self.columns[key].least for key in self.chosen]
             lines = text_tables.headed([self.columns[key].head for key in self.chosen], widths)
@@ -218,7 +205,6 @@ def remarks(
 
 
 def _places(records: Sequence[Mapping[str, Any]], keys: Sequence[str]) -> str:
-    """State the values of the keys for the first `MOST_NAMED` records, and how many records follow."""
     heads = [text_tables.heading(key) for key in keys]
     cells = [[text_tables.shown(key, record.get(key), 4) for key in keys] for record in records[:MOST_NAMED]]
     more = f" and {len(records) - MOST_NAMED} more" if len(records) > MOST_NAMED else ""
@@ -231,10 +217,11 @@ def _places(records: Sequence[Mapping[str, Any]], keys: Sequence[str]) -> str:
 
 def table(title: str, heads: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
     """Print a table of texts; if its columns do not all fit, print every row with one value to a line."""
-    columns = [Column(head, tuple(cells), breaks=True) for head, *cells in zip(heads, *rows, strict=True)]
+    cells = enumerate(zip(heads, *rows, strict=True))
+    columns = {str(k): Column(head, tuple(texts), breaks=True) for k, (head, *texts) in cells}
     space = room()
-    if text_tables.fitting([column.least for column in columns], len(columns), range(len(columns)), space):
-        lines = text_tables.table(columns, space)
+    if text_tables.fitting(columns, list(columns), space):
+        lines = text_tables.table(list(columns.values()), space)
     else:
         blocks = [text_tables.named(list(zip(heads, row, strict=True)), space) for row in rows]
         lines = [line for block in blocks for line in (*block, "")][:-1]
@@ -277,7 +264,7 @@ def progress(*, as_json: bool) -> Iterator[Progress]:
     fraction never falls: a step that is done again, such as a solve in smaller increments, waits for the rest.
     """
     if not sys.stderr.isatty():
-        yield _silent if as_json else _rising(_Lines())
+        yield _rising(lambda share, text: None if as_json else say(f"{100 * share:3.0f} %  {text}"), each=False)
         return
     from rich.console import Console
     from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
@@ -293,35 +280,21 @@ def progress(*, as_json: bool) -> Iterator[Progress]:
     redirect = sys.stdout.isatty()
     with Bar(*columns, console=Console(stderr=True), transient=True, redirect_stdout=redirect) as bar:
         task = bar.add_task("loading", total=1.0)
-        yield _rising(lambda fraction, text: bar.update(task, completed=fraction, description=text))
+        yield _rising(lambda share, text: bar.update(task, completed=share, description=text), each=True)
 
 
-def _rising(show: Progress) -> Progress:
-    """Return a callback that shows the largest fraction so far."""
-    largest = 0.0
+def _rising(show: Progress, *, each: bool) -> Progress:
+    """Return a callback that shows the largest fraction so far, at each call or with each new text only."""
+    largest, last = 0.0, ""
 
     def report(fraction: float, text: str) -> None:
-        nonlocal largest
+        nonlocal largest, last
         largest = max(largest, fraction)
-        show(largest, text)
+        if each or text != last:
+            show(largest, text)
+        last = text
 
     return report
-
-
-class _Lines:
-    """A progress callback that prints a line for each new text."""
-
-    def __init__(self) -> None:
-        self.last = ""
-
-    def __call__(self, fraction: float, text: str) -> None:
-        if text != self.last:
-            say(f"{100 * fraction:3.0f} %  {text}")
-        self.last = text
-
-
-def _silent(fraction: float, text: str) -> None:
-    """Report no progress."""
 
 
 _loading = threading.Event()

@@ -9,23 +9,15 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from geometry.arrays import Array
 from geometry.design import Design
-from geometry.loads import Magnet, Response
+from geometry.loads import Magnet
 from studies.output.atomic_files import atomic
-
-if TYPE_CHECKING:
-    from fem.solution import Solution
-
-
-from typing import TYPE_CHECKING, NamedTuple
-
-from numpy.typing import NDArray
-
 from studies.output.vtk_files import spatial
 
 if TYPE_CHECKING:
@@ -34,19 +26,14 @@ if TYPE_CHECKING:
 
 SIZE = (1500, 1200)
 """Width and height of a picture, pixels."""
-
 TEXT = 36
 """Font size, pixels."""
-
 PLATE = 0.06
 """Drawn thickness of the plate over D."""
-
 WIDE = 0.71
 """Share of the picture's width for the section; the scalar bar and its title have the rest."""
-
 NEAR = 0.5
 """The plate is drawn above all silicone that is closer to it than this distance, in units of the tip radius."""
-
 _DARK, _GREY, _PLATE = "#222222", "#8a8a8a", "#c9ced6"
 
 
@@ -59,40 +46,160 @@ def section_picture(path: str | Path, design: Design, solution: Solution, *, mag
     ----------
     magnet : "rigid" draws the magnet at its pose; "ignored" draws no magnet.
     """
-    import pyvista as pv
-
-    quiet()
-    cut = cut_of(solution)
-    slope, plane = _slope(solution), plane_name(solution)
-    solution = _in_plane(solution)
-    span = plate_span(design, solution, cut.moved, slope)
-    plotter = pv.Plotter(off_screen=True, window_size=list(SIZE))
-    plotter.set_background("white")
-    reach = _reach(design, solution, slope, span)
-    ticks = _ticks(float(cut.value.max()))
-    actor = plotter.add_mesh(
-        surface(cut.moved, cut.value),
-        scalars="value",
-        cmap="viridis",
-        clim=(ticks[0], ticks[-1]),
-        lighting=False,
-        show_scalar_bar=False,
-        interpolate_before_map=True,
-    )
-    plotter.add_mesh(lines(cut.edges[:, 0], 0.02), color=_GREY, line_width=3, lighting=False)
-    plotter.add_mesh(lines(cut.edges[:, 1], 0.03), color=_DARK, line_width=4, lighting=False)
+    picture = _Picture(design, solution)
     if magnet == "rigid":
-        _add_magnet(plotter, design, solution.response, reach)
+        picture.add_magnet()
     if solution.load.grip is None:
-        _add_plate(plotter, design, solution, slope, span, reach)
-    _add_ground(plotter, design, plane, reach)
+        picture.add_plate()
+    picture.add_ground(plane_name(solution))
     top = design.L + max(0.0, PLATE * design.D - solution.load.depth)
-    _label(plotter, (0.0, top + 0.06 * reach), "at rest", _GREY)
-    _add_bar(plotter, actor.mapper, len(ticks))
-    _aim(plotter, design, solution, slope, span, reach)
+    picture.label((0.0, top + 0.06 * picture.reach), "at rest", _GREY)
+    picture.aim()
     with atomic(path) as temporary:
-        plotter.screenshot(temporary)
-    plotter.close()
+        picture.plotter.screenshot(temporary)
+    picture.plotter.close()
+
+
+class _Picture:
+    """The section with the colours of its displacement, to which the other parts are added.
+
+    Attributes
+    ----------
+    span : ends of the plate, mm.
+    ends : left and right end of what is shown, mm; top : its upper end.
+    reach : half the height of the picture, mm: the section fits in height and width, and the lowest 0.28 of it is for
+        the base and the scale.
+    """
+
+    def __init__(self, design: Design, solution: Solution) -> None:
+        import pyvista as pv
+
+        quiet()
+        cut = cut_of(solution)
+        self.slope = solution.load.direction[0] * math.tan(solution.load.plate_tilt)
+        self.design, self.solution = design, _in_plane(solution)
+        self.span = plate_span(design, self.solution, cut.moved, self.slope)
+        edge, R = 0.05 * design.R, design.R
+        self.ends = min(-1.4 * R, self.span[0] - edge), max(1.4 * R, self.span[1] + edge)
+        end = design.L - solution.load.depth + 1.25 * R * abs(self.slope)
+        highest = max(design.L, end if self.slope else 0.0)
+        self.top = max(highest + 0.14 * design.D, 1.06 * highest)
+        self.reach = max(0.6 * self.top, (self.ends[1] - self.ends[0]) / 2 / (WIDE * SIZE[0] / SIZE[1]))
+        self.plotter = pv.Plotter(off_screen=True, window_size=list(SIZE))
+        self.plotter.set_background("white")
+        # round numbers from 0 on cover the range of the colours
+        high = float(cut.value.max())
+        step = _round_length((high if high > 0 else 1.0) / 3)
+        ticks = step * np.arange(math.ceil(high / step - 1e-9) + 1, dtype=np.float64)
+        actor = self.plotter.add_mesh(
+            surface(cut.moved, cut.value),
+            scalars="value",
+            cmap="viridis",
+            clim=(ticks[0], ticks[-1]),
+            lighting=False,
+            show_scalar_bar=False,
+            interpolate_before_map=True,
+        )
+        self.plotter.add_mesh(lines(cut.edges[:, 0], 0.02), color=_GREY, line_width=3, lighting=False)
+        self.plotter.add_mesh(lines(cut.edges[:, 1], 0.03), color=_DARK, line_width=4, lighting=False)
+        self.plotter.add_scalar_bar(
+            "displacement (mm)",
+            mapper=actor.mapper,
+            vertical=True,
+            position_x=0.83,
+            position_y=0.16,
+            width=0.09,
+            height=0.68,
+            title_font_size=TEXT,
+            label_font_size=TEXT,
+            n_labels=len(ticks),
+            fmt=" %.3g",
+        )
+
+    def add_magnet(self) -> None:
+        design, response = self.design, self.solution.response
+        a, b, rho = design.magnet_diameter / 2, design.magnet_height / 2, design.magnet_edge_radius
+        turn = np.linspace(0, math.pi / 2, 9)
+        arcs = [
+            np.stack(
+                [sx * (a - rho) + rho * np.cos(turn + start), sz * (b - rho) + rho * np.sin(turn + start)], axis=1
+            )
+            for sx, sz, start in ((1, 1, 0), (-1, 1, math.pi / 2), (-1, -1, math.pi), (1, -1, 3 * math.pi / 2))
+        ]
+        (x, z), c, s = np.concatenate(arcs).T, math.cos(response.tilt), math.sin(response.tilt)
+        place = np.array([response.shift[0], response.shift[2] + design.H])
+        outline = np.stack([c * x + s * z, -s * x + c * z], axis=1) + place
+        self._polygon(outline, 0.04, "#e4e4e4")
+        self._line(outline, 0.05, 5)
+        # the label is drawn only where it fits into the tilted magnet
+        c, s, wide, high = abs(c), abs(s), 0.26 * self.reach, 0.1 * self.reach
+        if design.magnet_diameter > c * wide + s * high and design.magnet_height > s * wide + c * high:
+            self.label(tuple(place.tolist()), "magnet")
+
+    def add_plate(self) -> None:
+        bottom, thick, R = _bottom(self.design, self.solution), PLATE * self.design.D, self.design.R
+        ends = [(x, bottom - self.slope * x) for x in self.span]
+        self._polygon(np.array([*ends, *[(x, z + thick) for x, z in reversed(ends)]]), -0.01, _PLATE)
+        self._line(np.array(ends), 0.06, 5)
+        # the label stands at the end to which the plate moves, clear of the outline of the undeformed body
+        half = 0.09 * self.reach
+        at = max(self.span[1] - half, R + half)
+        if self.solution.load.shear_x < 0:
+            at = min(self.span[0] + half, -R - half)
+        self.label((at, bottom - self.slope * at + thick + 0.05 * self.reach), "plate")
+
+    def add_ground(self, plane: str) -> None:
+        R, thick = self.design.R, 0.053 * self.reach
+        ground = np.array([(-1.4 * R, 0.0), (1.4 * R, 0.0), (1.4 * R, -thick), (-1.4 * R, -thick)])
+        self._polygon(ground, -0.01, "#dddddd")
+        self._line(ground[:2], 0.06, 3)
+        length = _round_length(0.35 * self.reach)
+        bar = np.array([(-1.4 * R, -2.6 * thick), (-1.4 * R + length, -2.6 * thick)])
+        self._line(bar, 0.06, 8)
+        self.label((bar[:, 0].mean(), -4.0 * thick), f"{length:g} mm")
+        self.label((bar[1, 0] + 0.15 * self.reach, -4.0 * thick), plane, aligned="left")
+
+    def label(self, at: tuple[float, float], text: str, color: str = _DARK, aligned: str = "center") -> None:
+        self.plotter.add_point_labels(
+            _in_section(np.array([at]), 0.1),
+            [text],
+            font_size=TEXT,
+            text_color=color,
+            shape=None,
+            show_points=False,
+            always_visible=True,
+            justification_horizontal=aligned,
+            justification_vertical="center",
+            bold=False,
+        )
+
+    def aim(self) -> None:
+        centre = sum(self.ends) / 2 + 0.20 * self.reach * SIZE[0] / SIZE[1]
+        height = (self.top - 0.28 * self.reach) / 2
+        camera = self.plotter.camera
+        self.plotter.enable_parallel_projection()
+        camera.focal_point = (centre, 0.0, height)
+        camera.position = (centre, -10 * self.design.L, height)
+        camera.up = (0.0, 0.0, 1.0)
+        camera.parallel_scale = self.reach
+        self.plotter.renderer.reset_camera_clipping_range()
+
+    def _polygon(self, outline: Array, towards: float, color: str) -> None:
+        import pyvista as pv
+
+        faces = [len(outline), *range(len(outline))]
+        self.plotter.add_mesh(pv.PolyData(_in_section(outline, towards), faces=faces), color=color, lighting=False)
+
+    def _line(self, outline: Array, towards: float, width: int) -> None:
+        import pyvista as pv
+
+        line = pv.lines_from_points(_in_section(outline, towards), close=True)
+        self.plotter.add_mesh(line, color=_DARK, line_width=width, lighting=False)
+
+
+def _in_section(outline: Array, towards: float) -> Array:
+    """Return points (n, 2) of the section in space, `towards` mm nearer to the viewer than the rest."""
+    return np.insert(outline, 1, -towards, axis=1)
 
 
 def _in_plane(solution: Solution) -> Solution:
@@ -113,10 +220,6 @@ def plane_name(solution: Solution) -> str:
     return f"section along {(' - ' if s < 0 else ' + ').join(parts)}"
 
 
-def _slope(solution: Solution) -> float:
-    return solution.load.direction[0] * math.tan(solution.load.plate_tilt)
-
-
 def quiet() -> None:
     """Suppress VTK's warning that there is no display; it then draws without one."""
     from vtkmodules.vtkCommonCore import vtkLogger
@@ -124,59 +227,12 @@ def quiet() -> None:
     vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_ERROR)
 
 
-def _ticks(high: float) -> Array:
-    """Return round numbers from 0 on that cover the range of the colours."""
-    step = _round_length((high if high > 0 else 1.0) / 3)
-    return np.asarray(step * np.arange(math.ceil(high / step - 1e-9) + 1), dtype=np.float64)
-
-
-def _in_section(outline: Array, towards: float) -> Array:
-    """Return points (n, 2) of the section in space, `towards` mm nearer to the viewer than the rest."""
-    return np.insert(outline, 1, -towards, axis=1)
-
-
-def _polygon(outline: Array, towards: float) -> Any:
-    import pyvista as pv
-
-    return pv.PolyData(_in_section(outline, towards), faces=[len(outline), *range(len(outline))])
-
-
-def _loop(plotter: Any, outline: Array, towards: float, **look: Any) -> None:
-    import pyvista as pv
-
-    plotter.add_mesh(pv.lines_from_points(_in_section(outline, towards), close=True), lighting=False, **look)
-
-
-def _add_magnet(plotter: Any, design: Design, response: Response, reach: float) -> None:
-    a, b, rho = design.magnet_diameter / 2, design.magnet_height / 2, design.magnet_edge_radius
-    turn = np.linspace(0, math.pi / 2, 9)
-    arcs = [
-        np.stack([sx * (a - rho) + rho * np.cos(turn + start), sz * (b - rho) + rho * np.sin(turn + start)], axis=1)
-        for sx, sz, start in ((1, 1, 0), (-1, 1, math.pi / 2), (-1, -1, math.pi), (1, -1, 3 * math.pi / 2))
-    ]
-    outline = _placed(np.concatenate(arcs), design, response)
-    plotter.add_mesh(_polygon(outline, 0.04), color="#e4e4e4", lighting=False)
-    _loop(plotter, outline, 0.05, color=_DARK, line_width=5)
-    # the label is drawn only where it fits into the tilted magnet
-    c, s = abs(math.cos(response.tilt)), abs(math.sin(response.tilt))
-    wide, high = 0.26 * reach, 0.1 * reach
-    if design.magnet_diameter > c * wide + s * high and design.magnet_height > s * wide + c * high:
-        _label(plotter, (response.shift[0], design.H + response.shift[2]), "magnet")
-
-
-def _placed(local: Array, design: Design, response: Response) -> Array:
-    c, s = math.cos(response.tilt), math.sin(response.tilt)
-    x = c * local[:, 0] + s * local[:, 1] + response.shift[0]
-    z = -s * local[:, 0] + c * local[:, 1] + response.shift[2] + design.H
-    return np.stack([x, z], axis=1)
-
-
 def plate_span(design: Design, solution: Solution, moved: Array, slope: float) -> tuple[float, float]:
     """Return the ends of the drawn plate, mm: it covers its middle and all silicone close below it.
 
     Parameters
     ----------
-    solution : with its shear along x, as from `_in_plane`.
+    solution : with its shear along x.
     moved : places (..., 3) of the section's nodes.
     """
     x, z = moved[..., 0], moved[..., 2]
@@ -191,103 +247,10 @@ def _bottom(design: Design, solution: Solution) -> float:
     return design.L - load.depth + design.R * (1 / math.cos(load.plate_tilt) - 1)
 
 
-def _add_plate(
-    plotter: Any, design: Design, solution: Solution, slope: float, span: tuple[float, float], reach: float
-) -> None:
-    bottom, thick = _bottom(design, solution), PLATE * design.D
-    ends = [(x, bottom - slope * x) for x in span]
-    corners = [*ends, *[(x, z + thick) for x, z in reversed(ends)]]
-    plotter.add_mesh(_polygon(np.array(corners), -0.01), color=_PLATE, lighting=False)
-    _loop(plotter, np.array(ends), 0.06, color=_DARK, line_width=5)
-    # the label stands at the end to which the plate moves, clear of the outline of the undeformed body
-    half = 0.09 * reach
-    at = max(span[1] - half, design.R + half)
-    if solution.load.shear_x < 0:
-        at = min(span[0] + half, -design.R - half)
-    _label(plotter, (at, bottom - slope * at + thick + 0.05 * reach), "plate")
-
-
-def _add_ground(plotter: Any, design: Design, plane: str, reach: float) -> None:
-    R, thick = design.R, 0.053 * reach
-    ground = np.array([(-1.4 * R, 0.0), (1.4 * R, 0.0), (1.4 * R, -thick), (-1.4 * R, -thick)])
-    plotter.add_mesh(_polygon(ground, -0.01), color="#dddddd", lighting=False)
-    _loop(plotter, ground[:2], 0.06, color=_DARK, line_width=3)
-    length = _round_length(0.35 * reach)
-    bar = np.array([(-1.4 * R, -2.6 * thick), (-1.4 * R + length, -2.6 * thick)])
-    _loop(plotter, bar, 0.06, color=_DARK, line_width=8)
-    _label(plotter, (bar[:, 0].mean(), -4.0 * thick), f"{length:g} mm")
-    _label(plotter, (bar[1, 0] + 0.15 * reach, -4.0 * thick), plane, aligned="left")
-
-
 def _round_length(length: float) -> float:
     """Return the greatest 1, 2 or 5 times a power of ten that does not exceed a length."""
     power = 10.0 ** math.floor(math.log10(length))
     return max(step * power for step in (1, 2, 5) if step * power <= length * (1 + 1e-9))
-
-
-def _label(plotter: Any, at: tuple[float, float], text: str, color: str = _DARK, aligned: str = "center") -> None:
-    plotter.add_point_labels(
-        _in_section(np.array([at]), 0.1),
-        [text],
-        font_size=TEXT,
-        text_color=color,
-        shape=None,
-        show_points=False,
-        always_visible=True,
-        justification_horizontal=aligned,
-        justification_vertical="center",
-        bold=False,
-    )
-
-
-def _add_bar(plotter: Any, mapper: Any, labels: int) -> None:
-    plotter.add_scalar_bar(
-        "displacement (mm)",
-        mapper=mapper,
-        vertical=True,
-        position_x=0.83,
-        position_y=0.16,
-        width=0.09,
-        height=0.68,
-        title_font_size=TEXT,
-        label_font_size=TEXT,
-        n_labels=labels,
-        fmt=" %.3g",
-    )
-
-
-def _width(design: Design, span: tuple[float, float]) -> tuple[float, float]:
-    edge = 0.05 * design.R
-    return min(-1.4 * design.R, span[0] - edge), max(1.4 * design.R, span[1] + edge)
-
-
-def _top(design: Design, solution: Solution, slope: float) -> float:
-    end = design.L - solution.load.depth + 1.25 * design.R * abs(slope)
-    highest = max(design.L, end if slope else 0.0)
-    return max(highest + 0.14 * design.D, 1.06 * highest)
-
-
-def _reach(design: Design, solution: Solution, slope: float, span: tuple[float, float]) -> float:
-    """Return half the height of the picture, mm, so that the section fits in height and width.
-
-    The lowest 0.28 of it is for the base and the scale.
-    """
-    left, right = _width(design, span)
-    return max(0.6 * _top(design, solution, slope), (right - left) / 2 / (WIDE * SIZE[0] / SIZE[1]))
-
-
-def _aim(
-    plotter: Any, design: Design, solution: Solution, slope: float, span: tuple[float, float], reach: float
-) -> None:
-    left, right = _width(design, span)
-    centre = (left + right) / 2 + 0.20 * reach * SIZE[0] / SIZE[1]
-    height = (_top(design, solution, slope) - 0.28 * reach) / 2
-    plotter.enable_parallel_projection()
-    plotter.camera.focal_point = (centre, 0.0, height)
-    plotter.camera.position = (centre, -10 * design.L, height)
-    plotter.camera.up = (0.0, 0.0, 1.0)
-    plotter.camera.parallel_scale = reach
-    plotter.renderer.reset_camera_clipping_range()
 
 
 # The section as curved triangles, and as the flat ones that VTK draws

@@ -50,6 +50,9 @@ MISFITS = {
 GAP = "  "
 """Space between columns."""
 
+LEFTMOST = 2
+"""Number of columns that a table must show if a verb does not name the columns that it needs."""
+
 LEAST_TEXT = 20
 """Least width of a column of texts, characters, unless a word is longer; texts are broken between words only."""
 
@@ -90,35 +93,31 @@ def column(key: str, values: Sequence[Any]) -> Column:
     >>> column("field_T", [0.01, None])
     Column(head='field (mT)', cells=('10', '-'), breaks=False)
     """
-    breaks = any(isinstance(value, (str, Mapping)) or _is_long(value) for value in values)
+    lists = [value for value in values if isinstance(value, (list, tuple))]
+    breaks = any(isinstance(value, (str, Mapping)) for value in values)
+    breaks |= any(len(value) > VECTOR or any(isinstance(item, str) for item in value) for value in lists)
     return Column(titled(key), tuple(shown(key, value, 4) for value in values), breaks)
 
 
-def _is_long(value: Any) -> bool:
-    return isinstance(value, (list, tuple)) and (len(value) > VECTOR or any(isinstance(item, str) for item in value))
-
-
-def fitting(widths: Sequence[int], needed: int, order: Sequence[int], room: int | None) -> list[int] | None:
-    """Return the indices of the columns that fit into a line, or None if the needed ones do not fit.
+def fitting(columns: Mapping[str, Column], first: Sequence[str], room: int | None) -> list[str] | None:
+    """Return the keys of the columns that fit into a line, or None if those that a table must show do not.
 
     Parameters
     ----------
-    widths : least width of each column.
-    needed : number of columns, the first in `order`, that must fit.
-    order : indices of all columns, the most important first.
+    first : keys that the table must show, the most important first; default: the leftmost `LEFTMOST`.
     room : characters of a line; None for no limit.
 
-    >>> fitting([5, 9, 3], 1, [0, 1, 2], 12)
-    [0, 2]
+    >>> fitting({key: Column(key * width, ()) for key, width in (("a", 5), ("b", 9), ("c", 3))}, ["a"], 12)
+    ['a', 'c']
     """
-    taken: list[int] = []
-    for rank, place in enumerate(order):
-        total = sum(widths[k] for k in (*taken, place)) + len(GAP) * len(taken)
-        if room is None or total <= room:
-            taken.append(place)
-        elif rank < needed:
+    needed = [key for key in first if key in columns] or list(columns)[:LEFTMOST]
+    taken: list[str] = []
+    for key in dict.fromkeys((*needed, *columns)):
+        if room is None or sum(columns[k].least for k in (*taken, key)) + len(GAP) * len(taken) <= room:
+            taken.append(key)
+        elif key in needed:
             return None
-    return sorted(taken)
+    return [key for key in columns if key in taken]
 
 
 def spread(columns: Sequence[Column], room: int | None) -> list[int]:
@@ -159,20 +158,17 @@ def _side_by_side(broken: Sequence[Sequence[str]], widths: Sequence[int]) -> lis
 def table(columns: Sequence[Column], room: int | None) -> list[str]:
     """Return the lines of a table with all columns side by side."""
     widths = spread(columns, room)
-    rows = zip(*(column.cells for column in columns), strict=True)
+    cells = zip(*(column.cells for column in columns), strict=True)
     return [
         *headed([column.head for column in columns], widths),
-        *(line for cells in rows for line in row(cells, widths)),
+        *(line for each in cells for line in row(each, widths)),
     ]
 
 
 def upright(record: Mapping[str, Any], room: int | None, digits: int = 5) -> list[str]:
     """Return a record as lines, each with a name, its value and unit."""
-    rows = []
-    for key, value in record.items():
-        name, unit = heading(key)
-        rows.append((name, f"{shown(key, value, digits)} {unit}".strip()))
-    return named(rows, room)
+    parts = [(*heading(key), shown(key, value, digits)) for key, value in record.items()]
+    return named([(name, f"{text} {unit}".strip()) for name, unit, text in parts], room)
 
 
 def named(rows: Sequence[tuple[str, str]], room: int | None) -> list[str]:
