@@ -174,16 +174,13 @@ def with_readings(
 
 def _of_made_sensor(design: Design, passed: Sequence[tuple[Stop, TimedState, bool]], made: Made) -> list[CycleState]:
     responses = [state.solution.response for _, state, _ in passed]
-    shift, tilt, force = (
-        np.array([getattr(one, name) for one in responses]) for name in ("shift", "rotation", "force")
-    )
-    answers = made(design, np.array([state.time for _, state, _ in passed]), shift, tilt, force)
+    motion = (np.array([getattr(one, name) for one in responses]) for name in ("shift", "rotation", "force"))
+    answers = made(design, np.array([state.time for _, state, _ in passed]), *motion)
     axis = 0 if any(state.solution.load.shear_x for _, state, _ in passed) else 2
     columns = (each[:, axis].tolist() for each in (answers.decoded, answers.observed, answers.half_width))
+    rows = zip(passed, answers.force.tolist(), answers.outputs, *columns, strict=True)
     states = []
-    for (stop, state, at_stop), own, outputs, *along in zip(
-        passed, answers.force.tolist(), answers.outputs, *columns, strict=True
-    ):
+    for (stop, state, at_stop), own, outputs, *along in rows:
         response = replace(state.solution.response, force=tuple(own))
         felt = replace(state, solution=replace(state.solution, response=response))
         states.append(CycleState(stop, felt, at_stop, outputs, *along))
@@ -195,15 +192,10 @@ def loops_of(motion: Motion, states: Sequence[CycleState]) -> list[Loop]:
     rows = []
     for cycle in range(1, motion.cycles + 1):
         own = [one for one in states if one.stop.cycle == cycle]
-        ends = [one for one in own if one.at_stop and one.stop.place == "end"]
-        if len(ends) == 2:
-            rows.append(_loop(motion, cycle, own, _before(states, own)))
+        if sum(one.at_stop and one.stop.place == "end" for one in own) == 2:
+            first = states.index(own[0])
+            rows.append(_loop(motion, cycle, own, states[first - 1].state if first else None))
     return rows
-
-
-def _before(states: Sequence[CycleState], own: Sequence[CycleState]) -> TimedState | None:
-    at = states.index(own[0])
-    return states[at - 1].state if at else None
 
 
 def _loop(motion: Motion, cycle: int, own: Sequence[CycleState], before: TimedState | None) -> Loop:
@@ -211,20 +203,20 @@ def _loop(motion: Motion, cycle: int, own: Sequence[CycleState], before: TimedSt
     # forces count along the first way of the plate
     way = -1.0 if motion.shear < 0 else 1.0
     force = way * np.array([one.state.solution.response.force[axis] for one in own])
-    decoded, observed = (
-        way * np.array(values) for values in zip(*((s.decoded, s.observed) for s in own), strict=True)
-    )
+    decoded, observed = way * np.array([(one.decoded, one.observed) for one in own]).T
     # a shear passes its ends outside of a cycle too
-    gap, scale = (
-        _gap(own, force),
-        _scale(force, None if before is None else way * before.solution.response.force[axis]),
-    )
+    passed = force if before is None else np.append(force, way * before.solution.response.force[axis])
+    gap, scale = _gap(own, force), float(np.ptp(passed))
     known = bool(np.isfinite(decoded).all())
     start = (0.0, 0.0, 0.0) if before is None else (before.work, before.dissipated, before.solution.dissipated)
     most = max(abs(one.state.work) for one in own)
     widths = [one.half_width for one in own if one.half_width is not None]
     inside = np.abs(observed - force) <= widths if widths else np.zeros(0)
     interval = {"half_width_N": max(widths), "inside_percent": 100 * float(inside.mean())} if widths else {}
+    errors = {
+        f"{name}_error_percent": 100 * float(np.abs(values - force).max()) / scale if known and scale else None
+        for name, values in (("decoded", decoded), ("observed", observed))
+    }
     return {
         "cycle": cycle,
         "largest_N": float(np.abs(force).max()),
@@ -237,8 +229,7 @@ def _loop(motion: Motion, cycle: int, own: Sequence[CycleState], before: TimedSt
         "decoded_gap_percent": 100 * _rounded(_gap(own, decoded), scale) / float(np.ptp(decoded))
         if known and np.ptp(decoded)
         else None,
-        "decoded_error_percent": 100 * float(np.abs(decoded - force).max()) / scale if known and scale else None,
-        "observed_error_percent": 100 * float(np.abs(observed - force).max()) / scale if known and scale else None,
+        **errors,
         **interval,
     }
 
@@ -255,10 +246,6 @@ def _gap(own: Sequence[CycleState], force: Iterable[float]) -> float:
         if one.at_stop and one.stop.place == "middle"
     }
     return middle["in"] - middle["out"]
-
-
-def _scale(force: Array, before: float | None) -> float:
-    return float(np.ptp(force if before is None else np.append(force, before)))
 
 
 # Motion in time
@@ -370,21 +357,14 @@ def static_curve(design: Design, motion: Motion, accuracy: str, magnet: Magnet) 
             np.concatenate([mirror, shift]),
             np.concatenate([-tilt[:0:-1], tilt]),
         )
-    load, shift, tilt = (_extended(one, both=bool(motion.shear)) for one in (load, shift, tilt))
+    # in a fast motion the magnet can go a little further than in slow loading to the same end: straight on
+    share = BEYOND * CURVE
+    load, shift, tilt = (np.concatenate([v, [v[-1] + share * (v[-1] - v[-2])]]) for v in (load, shift, tilt))
+    if motion.shear:
+        load, shift, tilt = (np.concatenate([[v[0] + share * (v[0] - v[1])], v]) for v in (load, shift, tilt))
     outputs = outputs_of(design, shift, tilt)
     known = bool(np.isfinite(outputs).all())
     return Static(StaticCurve(load, outputs, 0 if motion.shear else 1) if known else None, error)
-
-
-def _extended(values: Array, *, both: bool) -> Array:
-    """Return values (n, ...) along a curve that goes on straight beyond its end, or both of its ends.
-
-    In a fast motion the magnet can go a little further than in slow loading to the same end.
-    """
-    beyond = values[-1] + BEYOND * CURVE * (values[-1] - values[-2])
-    if not both:
-        return np.concatenate([values, [beyond]])
-    return np.concatenate([[values[0] + BEYOND * CURVE * (values[0] - values[1])], values, [beyond]])
 
 
 def run(

@@ -111,7 +111,7 @@ class Beams:
             part.__dict__["_presses"] = {
                 name: (logs[rows], widths[rows]) for name, (logs, widths) in self._presses.items()
             }
-            part.__dict__["_stable_to"] = {caution: value[rows] for caution, value in self._stable_to.items()}
+            part.__dict__["_known_stable"] = {caution: value[rows] for caution, value in self._known_stable.items()}
         return part
 
     @functools.cached_property
@@ -182,7 +182,8 @@ class Beams:
         force, shift (down, positive), contact_radius, strain and sideways_ratio, each (n, k).
         """
         depth = np.where(self._can_press(depth), depth, np.nan)
-        shares = self._root_share(depth)
+        low, high = np.sqrt(surrogate_range.SHALLOWEST), np.sqrt(self.deepest)[:, None]
+        shares = (np.sqrt(depth) - low) / (high - low)
         result = {}
         for name, (logs, widths) in self._presses.items():
             form, relative = np.exp(through_roots(logs, shares)), _linear_over_roots(widths, shares)
@@ -223,7 +224,10 @@ class Beams:
         s = np.where(possible, shear, np.nan)
         square = (s / self.farthest[:, None]) ** 2
         pressed = self.press(depth)
-        parts = {name: _through_squares(forms[name][:, which.ravel()], square) for name in SHEAR}
+        # polynomials in the square of the shear
+        powers = square[..., None] ** np.arange(len(SHEAR_NODES))
+        to_powers = np.linalg.inv(np.vander(np.array(SHEAR_NODES) ** 2, increasing=True)).T
+        parts = {name: np.einsum("nkj,nkj->nk", powers, forms[name][:, which.ravel()] @ to_powers) for name in SHEAR}
         press = {name: pressed[name].value for name in ("force", "shift")}
         values = shear_values(parts, self.L[:, None], depth, s, press)
         rods = yardsticks(values)
@@ -248,6 +252,11 @@ class Beams:
         spread = self._presses["sideways_ratio"][1].mean(axis=1)
         return np.asarray(self.surrogate.groups["strain"].quantiles[CRITICAL][self.region, 0] * spread)
 
+    @functools.cached_property
+    def _known_stable(self) -> dict[float, Array]:
+        """Results of `stable_to` by the caution."""
+        return {}
+
     def stable_to(self, caution: float = 1.0) -> Array:
         """Return the depths over D to which presses are known to stay stable, at most `deepest`, shape (n,).
 
@@ -258,22 +267,14 @@ class Beams:
         ----------
         caution : number of half widths of the intervals.
         """
-        if caution not in self._stable_to:
-            self._stable_to[caution] = self._find_stable_to(caution)
-        return self._stable_to[caution]
-
-    @functools.cached_property
-    def _stable_to(self) -> dict[float, Array]:
-        """Results of `stable_to` by the caution."""
-        return {}
-
-    def _find_stable_to(self, caution: float) -> Array:
-        critical = self.critical_depth()
-        widths = _linear_over_roots(self._presses["sideways_ratio"][1], self._grid_shares)
-        doubtful = first_zero(self._grid, 1 - np.exp(self._logs_of_loss) * (1 + caution * widths))
-        known = np.isfinite(critical.half_width)
-        lower = np.where(known, critical.value - caution * critical.half_width, doubtful)
-        return np.asarray(np.where(self.inside, np.minimum(lower, self.deepest), np.nan))
+        if caution not in self._known_stable:
+            critical = self.critical_depth()
+            widths = _linear_over_roots(self._presses["sideways_ratio"][1], self._grid_shares)
+            doubtful = first_zero(self._grid, 1 - np.exp(self._logs_of_loss) * (1 + caution * widths))
+            known = np.isfinite(critical.half_width)
+            lower = np.where(known, critical.value - caution * critical.half_width, doubtful)
+            self._known_stable[caution] = np.where(self.inside, np.minimum(lower, self.deepest), np.nan)
+        return self._known_stable[caution]
 
     @property
     def _grid_shares(self) -> Array:
@@ -321,11 +322,6 @@ class Beams:
     def _can_shear(self, depth: Array, shear: Array) -> NDArray[np.bool_]:
         possible = self._can_press(depth) & (depth >= surrogate_range.SHALLOWEST_SHEAR - 1e-12)
         return np.asarray(possible & (shear >= 0) & (shear <= self.farthest[:, None] + 1e-9))
-
-    def _root_share(self, depth: Array) -> Array:
-        """Return where depths lie between the least and the largest one, in their roots."""
-        low, high = np.sqrt(surrogate_range.SHALLOWEST), np.sqrt(self.deepest)[:, None]
-        return np.asarray((np.sqrt(depth) - low) / (high - low))
 
 
 def shear_values(
@@ -411,17 +407,11 @@ def root_shares() -> Array:
     return np.asarray((chebyshev.chebpts2(surrogate_range.PRESS_NODES) + 1) / 2)
 
 
-@functools.cache
-def _root_matrix() -> Array:
-    """Matrix from values at the press's nodes to the coefficients of their Chebyshev series."""
-    nodes = chebyshev.chebpts2(surrogate_range.PRESS_NODES)
-    return np.asarray(np.linalg.inv(chebyshev.chebvander(nodes, len(nodes) - 1)))
-
-
 def through_roots(values: Array, share: Array) -> Array:
     """Evaluate the polynomials through values (n, PRESS_NODES) at shares (n, k) of the range of the roots."""
-    basis = chebyshev.chebvander(2 * share - 1, surrogate_range.PRESS_NODES - 1)
-    return np.asarray(np.einsum("nkj,nj->nk", basis, values @ _root_matrix().T))
+    degree = surrogate_range.PRESS_NODES - 1
+    to_series = np.linalg.inv(chebyshev.chebvander(chebyshev.chebpts2(degree + 1), degree)).T
+    return np.asarray(np.einsum("nkj,nj->nk", chebyshev.chebvander(2 * share - 1, degree), values @ to_series))
 
 
 def _linear_over_roots(values: Array, share: Array) -> Array:
@@ -442,15 +432,3 @@ def _linear(values: Array, nodes: Array, at: Array) -> Array:
     rows = np.arange(len(values))[:, None]
     share = (inner - nodes[right - 1]) / (nodes[right] - nodes[right - 1])
     return np.asarray(values[rows, right - 1] * (1 - share) + values[rows, right] * share)
-
-
-@functools.cache
-def _square_matrix() -> Array:
-    """Matrix from values at the shear's nodes to the coefficients of powers of the square of the shear."""
-    return np.asarray(np.linalg.inv(np.vander(np.array(SHEAR_NODES) ** 2, increasing=True)))
-
-
-def _through_squares(values: Array, square: Array) -> Array:
-    """Evaluate the polynomials through values (n, k, nodes) at squares (n, k) of the share of the largest shear."""
-    powers = square[..., None] ** np.arange(len(SHEAR_NODES))
-    return np.asarray(np.einsum("nkj,nkj->nk", powers, values @ _square_matrix().T))

@@ -132,11 +132,12 @@ FILE = Path(__file__).with_name("surrogate.npz")
 """The shipped surrogate, written by `magtip validate surrogate`."""
 FORMAT = 2
 """Version of the file's format, and of what its numbers mean (`studies.mechanics.prediction`)."""
-ANSWERS: tuple[Literal["axisymmetric", "harmonic", "critical depth", "modes"], ...] = (
-    *("axisymmetric", "harmonic"),
-    *("critical depth", "modes"),
-)
+ANSWERS: tuple[Literal["axisymmetric", "harmonic", "critical depth", "modes"], ...]
+ANSWERS = ("axisymmetric", "harmonic", "critical depth", "modes")
 """Finite elements that the surrogate is trained on, calibrated and tested by (`fem.physics_version`)."""
+
+
+REMEDY = "build it again with `magtip validate surrogate`, or take finite elements"
 
 
 @dataclass(frozen=True)
@@ -209,9 +210,6 @@ def read(file: Path) -> Surrogate:
         if isinstance(error, BadInput):
             raise
         raise BadInput(f"{str(file)!r} is no surrogate: {error}") from None
-
-
-REMEDY = "build it again with `magtip validate surrogate`, or take finite elements"
 
 
 def _group(name: str, arrays: Mapping[str, Any]) -> Group:

@@ -132,17 +132,15 @@ def refusal(design: Design, load: Load, magnet: Magnet) -> str:
 
 def refusal_of_kind(design: Design, load: Load, magnet: Magnet) -> str:
     """Return why the surrogate refuses a kind of sensor or load; "" if it takes it."""
-    for refused, text in (
-        (design.law != "neo-hookean", f"the surrogate knows the law neo-hookean only; got {design.law}"),
-        (not design.shape.has_magnet or magnet == "ignored", "the surrogate knows beams with a rigid magnet only"),
-        (load.coulomb is not None, "the surrogate does not know Coulomb friction"),
-        (load.grip is not None, "the surrogate does not know grips"),
-        (bool(load.plate_tilt), "the surrogate does not know tilted plates"),
-        (bool(load.imperfection), "the surrogate does not know imperfections"),
-    ):
-        if refused:
-            return text
-    return ""
+    reasons = {
+        f"the surrogate knows the law neo-hookean only; got {design.law}": design.law != "neo-hookean",
+        "the surrogate knows beams with a rigid magnet only": not design.shape.has_magnet or magnet == "ignored",
+        "the surrogate does not know Coulomb friction": load.coulomb is not None,
+        "the surrogate does not know grips": load.grip is not None,
+        "the surrogate does not know tilted plates": bool(load.plate_tilt),
+        "the surrogate does not know imperfections": bool(load.imperfection),
+    }
+    return next((text for text, refused in reasons.items() if refused), "")
 
 
 def load_refusal(beams: Beams, k: int, D: float, depth: float, shear: float) -> str:

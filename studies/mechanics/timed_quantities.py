@@ -195,7 +195,7 @@ def solve_response(scene: Scene) -> dict[str, Any]:
     def gain(f: Array) -> Array:
         return np.asarray(1 / np.abs(stiffness(f)))
 
-    unit = unit_of(scene.design)
+    unit, branched = unit_of(scene.design), bool(relaxation_of(scene.design).times)
     Z = stiffness(np.geomspace(low, high, GRID))
     # the magnet may move against the force, as it does along z; only changes count
     Z /= math.copysign(abs(Z[0]), Z[0].real)
@@ -206,7 +206,7 @@ def solve_response(scene: Scene) -> dict[str, Any]:
         "stiffness_imag": [float(f"{value:.9g}") for value in Z.imag],
         "bandwidth": None if width is None else width / unit,
         "resonance": None if first is None else first.frequency / unit,
-        "Q": first.Q if first is not None and relaxation_of(scene.design).times else None,
+        "Q": first.Q if first is not None and branched else None,
         "status": sensor.state.status,
         "message": sensor.state.message,
     }

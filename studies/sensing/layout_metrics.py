@@ -91,7 +91,14 @@ def layout_row(coder: Decoder, poses: Survey, noise: str, mechanics: str) -> Fla
         **measured,
         "noise_of_readings_T": coder.sigma.tolist(),
         "noise_source": noise,
-        "hits": _hits(coder, poses),
+        "hits": decode_readings.sentences(
+            "hits",
+            elements=elements,
+            magnet=[poses.share(hit) for hit in poses.magnet_hits],
+            wall=[poses.share(hit) for hit in poses.wall_hits],
+            ground=poses.share(poses.grounded),
+            percent=percent_text,
+        ),
         "warnings": design.warnings(),
     }
 
@@ -104,8 +111,10 @@ def figures(poses: Survey) -> FlatRow:
     between such poses. worst_at_mm : shift of the pose with the largest noise. noise_median_axes_N,
     noise_worst_axes_N : noise of the force along x, y and z.
     """
-    many, usable = poses.multiplicity > 1, poses.usable
-    known = poses.weight > 0
+    import numpy as np
+
+    many, usable, known = poses.multiplicity > 1, poses.usable, poses.weight > 0
+    places = np.flatnonzero(usable)
     condition, micrometres, newtons = (
         _median_and_worst(poses, values) for values in (poses.condition, 1e3 * poses.noise_mm, 1.0 * poses.noise_N)
     )
@@ -129,41 +138,20 @@ def figures(poses: Survey) -> FlatRow:
         "noise_worst_um": micrometres[1],
         "noise_median_N": newtons[0],
         "noise_worst_N": newtons[1],
-        "worst_at_mm": _worst_place(poses),
+        "worst_at_mm": poses.shift[:, places[poses.noise_mm[places].argmax()]].tolist() if len(places) else None,
         "noise_median_axes_N": axes[0],
         "noise_worst_axes_N": axes[1],
     }
 
 
 def _median_and_worst(poses: Survey, values: Array) -> tuple[float | None, float | None]:
-    """Return median and worst value of the usable poses; on a fold the worst is infinite."""
     import numpy as np
 
     usable = values[poses.usable]
     if not len(usable):
         return None, None
+    # on a fold the worst is infinite
     return float(np.median(usable)), float(np.inf if poses.folded else usable.max())
-
-
-def _worst_place(poses: Survey) -> list[float] | None:
-    """Return the shift of the usable pose with the largest noise, mm; None without a usable pose."""
-    import numpy as np
-
-    at = np.flatnonzero(poses.usable)
-    place: list[float] = poses.shift[:, at[poses.noise_mm[at].argmax()]].tolist() if len(at) else []
-    return place or None
-
-
-def _hits(coder: Decoder, poses: Survey) -> list[str]:
-    """Return a sentence for each collision, with its share of the workspace."""
-    return decode_readings.sentences(
-        "hits",
-        elements=coder.forward.elements,
-        magnet=[poses.share(hit) for hit in poses.magnet_hits],
-        wall=[poses.share(hit) for hit in poses.wall_hits],
-        ground=poses.share(poses.grounded),
-        percent=percent_text,
-    )
 
 
 def percent_text(value: float) -> str:

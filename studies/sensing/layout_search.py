@@ -40,22 +40,16 @@ HOPELESS: Score = (2.0, math.inf)
 """Score of a layout that cannot be evaluated; every other layout has a better one."""
 
 
-def ranges(design: Design) -> dict[str, tuple[float, float]]:
-    """Return the default ranges of the search, mm."""
-    D, H = design.D, design.H
-    l0 = {"l0": (H + D / 16, H + D)}
-    if design.hall_layout != "three":
-        return {**l0, "chip_x": (0.0, D)}
-    return {"f": (D / 2, 2 * D), **l0, "c": (-D / 4, H + D)}
-
-
 def parse_ranges(design: Design, texts: Sequence[str]) -> dict[str, tuple[float, float]]:
-    """Return the ranges of the search; NAME=LOW,HIGH changes a range, and NAME=VALUE fixes a parameter.
+    """Return the ranges of the search, mm; NAME=LOW,HIGH changes a range, and NAME=VALUE fixes a parameter.
 
     >>> parse_ranges(Design(), ["f=5", "c=0,2"])
     {'f': (5.0, 5.0), 'l0': (5.5, 13.0), 'c': (0.0, 2.0)}
     """
-    bounds = ranges(design)
+    D, H = design.D, design.H
+    bounds = {"f": (D / 2, 2 * D), "l0": (H + D / 16, H + D), "c": (-D / 4, H + D)}
+    if design.hall_layout != "three":
+        bounds = {"l0": bounds["l0"], "chip_x": (0.0, D)}
     for name, values in user_input.pairs("--range", texts, "f=5,8").items():
         if name not in bounds:
             raise BadInput(
@@ -94,7 +88,10 @@ def run(
         return dataclasses.replace(design, **changes)
 
     def score(place: Place) -> Score:
-        return _score(design_at, place, law, basis)
+        try:
+            return _score(design_at(place), law, basis)
+        except BadInput:
+            return HOPELESS
 
     given = tuple(getattr(design, name) for name in names)
     scores = _search(score, given, list(bounds.values()), progress)
@@ -112,11 +109,11 @@ def run(
     rows = []
     for k, place in enumerate(finalists):
         progress(0.6 + 0.4 * k / len(finalists), "survey of the best")
-        rows.append(_row(0, design_at(place), names, law, basis))
-    rows.sort(key=_order)
+        rows.append(_row(design_at(place), names, law, basis))
+    rows.sort(key=lambda row: (round(1 - row["unique_percent"] / 100, 3), row["noise_worst_um"] or math.inf))
     progress(1.0, "survey of the best")
     ranked = [row | {"rank": rank} for rank, row in enumerate(rows[:count], 1)]
-    return [_row(0, design, names, law, basis), *ranked]
+    return [_row(design, names, law, basis), *ranked]
 
 
 def _search(
@@ -178,7 +175,6 @@ def _rounded(value: float) -> float:
 
 
 def _distinct(places: Sequence[Place], apart: Sequence[float], most: int) -> list[Place]:
-    """Return the first `most` places that differ from every earlier one by `apart` in some parameter."""
     distinct: list[Place] = []
     for place in places:
         if len(distinct) == most:
@@ -188,45 +184,27 @@ def _distinct(places: Sequence[Place], apart: Sequence[float], most: int) -> lis
     return distinct
 
 
-def _score(design_at: Callable[[Place], Design], place: Place, law: Mechanics, basis: Basis) -> Score:
+def _score(design: Design, law: Mechanics, basis: Basis) -> Score:
     from analytic import survey
 
-    try:
-        coder, _ = layout_metrics.prepare(design_at(place), law, basis, cells=(1, 1, 1))
-        poses = survey.survey(coder, POSES, multiplicity=False, clearance=basis.clearance)
-    except BadInput:
-        return HOPELESS
+    coder, _ = layout_metrics.prepare(design, law, basis, cells=(1, 1, 1))
+    poses = survey.survey(coder, POSES, multiplicity=False, clearance=basis.clearance)
     usable = poses.usable
     if not usable.any():
         return HOPELESS
     rarer = min(poses.share(usable & (poses.sign > 0)), poses.share(usable & (poses.sign < 0)))
-    failing = 1 - poses.share(usable) + rarer
     worst = math.inf if poses.folded else float(poses.noise_mm[usable].max())
-    return round(failing, 3), worst
+    return round(1 - poses.share(usable) + rarer, 3), worst
 
 
-def settings(design: Design, names: Sequence[str]) -> str:
-    """Return the options that change another design of the same file or preset into this one.
-
-    >>> settings(Design(f=6.5), ("f", "l0"))
-    '--set f=6.5 --set l0=7.2'
-    """
-    return " ".join(f"--set {name}={getattr(design, name):g}" for name in names)
-
-
-def _row(rank: int, design: Design, names: Sequence[str], law: Mechanics, basis: Basis) -> FlatRow:
+def _row(design: Design, names: Sequence[str], law: Mechanics, basis: Basis) -> FlatRow:
     from analytic import survey
 
     coder, _ = layout_metrics.prepare(design, law, basis)
     figures = layout_metrics.figures(survey.survey(coder, layout_metrics.COUNTS, clearance=basis.clearance))
     return {
-        "rank": rank,
+        "rank": 0,
         **{f"{name}_mm": getattr(design, name) for name in names},
         **{name: figures[name] for name in FIGURES},
-        "settings": settings(design, names),
+        "settings": " ".join(f"--set {name}={getattr(design, name):g}" for name in names),
     }
-
-
-def _order(row: FlatRow) -> Score:
-    worst = row["noise_worst_um"]
-    return round(1 - row["unique_percent"] / 100, 3), math.inf if worst is None else worst

@@ -63,7 +63,10 @@ def run(design: Design, progress: Progress) -> Claim:
     for k, (magnet, form) in enumerate(work):
         progress(0.2 + 0.8 * k / len(work), f"the claim: magnet {magnet.magnet_height:g} mm high")
         law = law_of(magnet, form)
-        rows = _scan(magnet, form, law)
+        step = STEP * magnet.D
+        # c from 0 to the height of the magnet's centre at rest
+        every = (_at(magnet, form, law, n * step) for n in range(round(magnet.l0 / step)))
+        rows = [row for row in every if row is not None]
         claim["heights"] += rows
         claim["limits"].append(_limit(magnet, form, law, rows))
     progress(1.0, "the claim")
@@ -145,7 +148,6 @@ def _magnets(design: Design) -> Iterator[Design]:
 
 
 def _own(design: Design, form: str) -> FlatRow:
-    """Return the figures of the design's own layout, with the least differences of readings."""
     from analytic import survey
 
     coder = coder_of(design, form, law_of(design, form))
@@ -177,13 +179,6 @@ def _figures(poses: Survey) -> FlatRow:
     }
 
 
-def _scan(design: Design, form: str, law: Mechanics) -> list[FlatRow]:
-    """Return the row of each c, from 0 to the height of the magnet's centre at rest."""
-    step = STEP * design.D
-    rows = (_at(design, form, law, k * step) for k in range(round(design.l0 / step)))
-    return [row for row in rows if row is not None]
-
-
 def _at(design: Design, form: str, law: Mechanics, c: float) -> FlatRow | None:
     from analytic import survey
 
@@ -197,20 +192,18 @@ def _at(design: Design, form: str, law: Mechanics, c: float) -> FlatRow | None:
 
 
 def _limit(design: Design, form: str, law: Mechanics, rows: Sequence[FlatRow]) -> FlatRow:
-    """Return the range of c in which the readings of a form are unique, and the rows just outside."""
     nearest = min(range(len(rows)), key=lambda k: abs(rows[k]["c_mm"] - design.c), default=None)
     unique = nearest is not None and not rows[nearest]["alike_percent"]
-    ends: list[tuple[float | None, FlatRow | None]] = [
-        (None, None if nearest is None else rows[nearest]),
-        (None, None),
-    ]
-    if nearest is not None and unique:
-        ends = []
-        for step in (-1, 1):
+    ends: list[tuple[float | None, FlatRow | None]] = [(None, None), (None, None)]
+    if nearest is not None and not unique:
+        ends[0] = None, rows[nearest]
+    elif nearest is not None:
+        for end, step in enumerate((-1, 1)):
             k = nearest
             while 0 <= k < len(rows) and not rows[k]["alike_percent"]:
                 k += step
-            ends.append(_bisected(design, form, law, rows[k - step], rows[k]) if 0 <= k < len(rows) else (None, None))
+            if 0 <= k < len(rows):
+                ends[end] = _bisected(design, form, law, rows[k - step], rows[k])
     (low, below), (high, above) = ends
     return {
         "magnet_height_mm": design.magnet_height,

@@ -90,12 +90,12 @@ def write(model: Forward, grid: Grid, out: Path, level: str, progress: Progress)
 
     shape = (*grid.shape, len(model.elements))
     about = _about(model, grid, shape)
+    firsts = (("x_mm", -grid.side, grid.step), ("y_mm", -grid.side, grid.step), ("z_mm", 0.0, -grid.step))
     about["axes"] = [
-        {"name": "x_mm", "first": -grid.side, "step": grid.step, "count": shape[0]},
-        {"name": "y_mm", "first": -grid.side, "step": grid.step, "count": shape[1]},
-        {"name": "z_mm", "first": 0.0, "step": -grid.step, "count": shape[2]},
-        {"name": "B_T", "columns": [element.name for element in model.elements]},
+        {"name": name, "first": first, "step": step, "count": count}
+        for (name, first, step), count in zip(firsts, shape, strict=False)
     ]
+    about["axes"].append({"name": "B_T", "columns": [element.name for element in model.elements]})
     size = 8 * math.prod(shape)
     part, note = out.with_name(f".{out.name}.part"), out.with_name(f".{out.name}.part.json")
     key = hashlib.sha256(json.dumps(about, sort_keys=True).encode()).hexdigest()
@@ -153,30 +153,24 @@ def write_plane(model: Forward, grid: Grid, out: Path, level: str) -> FlatRow:
 
 
 def _record(out: Path, poses: int, size: int, resumed: int, level: str) -> FlatRow:
-    """Return the record of a written table: grid points, bytes, slabs that an interrupted command had written before,
-    and the source of the magnet's tilt.
-    """
-    return {
-        "status": "ok",
-        "file": str(out),
-        "poses": poses,
-        "size_MB": size / 1e6,
-        "resumed": resumed,
-        "level": level,
-    }
+    """Return the record of a table; `resumed` slabs of it were written by an interrupted command before."""
+    size_MB = size / 1e6
+    return {"status": "ok", "file": str(out), "poses": poses, "size_MB": size_MB, "resumed": resumed, "level": level}
 
 
-def _made_for(design: Design, *, tilted: bool) -> design_digest.Fields:
-    """Return the fields of the design on which a table depends; the mechanics matter only through the tilt."""
+def _made_for(design: Design, tau: Any) -> design_digest.Fields:
     readings = design_digest.of_readings(design)
-    return design_digest.of_mechanics(design) | readings if tilted else readings
+    return design_digest.of_mechanics(design) | readings if any(tau) else readings
 
 
 def _about(model: Forward, grid: Grid, shape: tuple[int, ...]) -> dict[str, Any]:
-    """Return the description of a table for FILE.json, without its axes."""
+    """Return the description of a table for FILE.json, without its axes.
+
+    The mechanics matter to it only through the tilt.
+    """
     return {
         "design": dataclasses.asdict(model.design),
-        **design_digest.label(_made_for(model.design, tilted=bool(model.tau[0].any()))),
+        **design_digest.label(_made_for(model.design, model.tau[0])),
         "mode": model.mode,
         "tau": model.tau[0].tolist(),
         "tau_range": model.tau[1:],
@@ -232,15 +226,15 @@ def read(file: Path, design: Design) -> tuple[Array, dict[str, Any]]:
     try:
         about = json.loads(file.with_suffix(".json").read_text("utf-8"))
         table = np.load(file, mmap_mode="r")
-        tilted, shape = bool(np.any(about["tau"])), tuple(about["shape"])
+        fits = table.shape == tuple(about["shape"]) and np.isfinite(about["tau"]).all()
     except (OSError, ValueError, KeyError, TypeError):
-        tilted, shape, table = False, (), None
-    if table is None or table.shape != shape:
+        fits = False
+    if not fits:
         raise BadInput(
             f"{str(file)!r} is not a table of magtip, or its .json file belongs to another table: "
             "make it with magtip table"
         )
-    if not design_digest.check(about, _made_for(design, tilted=tilted), str(file)):
+    if not design_digest.check(about, _made_for(design, about["tau"]), str(file)):
         console.warn(
             f"{file} does not say for which sensor it was made, so a mismatch with this design cannot be detected"
         )
