@@ -14,6 +14,7 @@ from typing import Any
 from geometry import design_digest
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Response
+from studies.inputs.user_input import text_of as text_of
 from studies.output import console
 
 SEPARATORS = {";": "semicolons", "\t": "tabs", "|": "bars"}
@@ -21,26 +22,6 @@ SEPARATORS = {";": "semicolons", "\t": "tabs", "|": "bars"}
 
 Rows = list[tuple[int, list[str]]]
 """Number of each row's last line, from 1, and its cells as texts; a quoted cell may span several lines."""
-
-
-def text_of(path: Path, kind: str) -> str:
-    """Return the text of a UTF-8 file, without a byte order mark.
-
-    Parameters
-    ----------
-    kind : name of the file's format for messages, such as CSV.
-    """
-    try:
-        return path.read_bytes().decode("utf-8-sig")
-    except FileNotFoundError:
-        raise BadInput(f"there is no file {str(path)!r}: check its path") from None
-    except IsADirectoryError:
-        raise BadInput(f"{str(path)!r} is a folder: give a {kind} file") from None
-    except UnicodeDecodeError:
-        raise BadInput(f"{str(path)!r} is not UTF-8 text: save it as a UTF-8 {kind} file") from None
-    except (OSError, ValueError) as error:
-        cause = getattr(error, "strerror", None) or str(error)
-        raise BadInput(f"{str(path)!r} cannot be read ({cause}): check its path and permissions") from None
 
 
 def csv_rows(path: Path, *, comments: bool = False) -> Rows:
@@ -162,7 +143,9 @@ def read_states(path: Path, design: Design) -> list[State]:
     for line, record in json_objects(path):
         where = f"{path}, line {line}"
         try:
-            state = _state(line, record)
+            status, message = str(record["status"]), str(record.get("message") or "")
+            known = status == "ok" or record.get("shift_mm") is not None
+            states.append(State(line, status, message, *(_load_and_response(record) if known else (None, None))))
         except BadInput as error:
             raise BadInput(f"{where}: {error}") from None
         except (ValueError, KeyError, TypeError):
@@ -171,20 +154,12 @@ def read_states(path: Path, design: Design) -> list[State]:
                 "shear_mm, force_N, shift_mm and tilt_rad"
             ) from None
         all_named = design_digest.check(record, expected, where) and all_named
-        states.append(state)
     if not all_named:
         console.warn(
             f"{path} does not say for which sensor its states were solved, so a mismatch with this "
             "design cannot be detected"
         )
     return states
-
-
-def _state(line: int, record: dict[str, Any]) -> State:
-    status, message = str(record["status"]), str(record.get("message") or "")
-    if status != "ok" and record.get("shift_mm") is None:
-        return State(line, status, message, None, None)
-    return State(line, status, message, *_load_and_response(record))
 
 
 def _load_and_response(record: dict[str, Any]) -> tuple[Load, Response]:

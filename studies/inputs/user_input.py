@@ -82,7 +82,6 @@ def parse_choices(option: str, texts: Sequence[str], kind: type) -> dict[str, An
 
 
 def _as_number(text: str) -> float | str:
-    """Return the number in a text, a whole number as an int even if it is written 1e9 or 3.0; else the text."""
     try:
         value = float(text)
     except ValueError:
@@ -198,32 +197,42 @@ def validated(name: str, table: Mapping[str, Any], kinds: Mapping[str, Any]) -> 
     raise BadInput(f"{name}: {key} must be {wanted}; got {first['input']!r:.60}")
 
 
+def text_of(path: str | Path, kind: str, what: str = "file", close: str = "", more: str = "") -> str:
+    """Return the text of a UTF-8 file, without the byte order mark that editors may write.
+
+    Parameters
+    ----------
+    kind : name of the file's format for messages, such as CSV.
+    what, close, more : what the path names, what may be meant, and a further remedy, for messages.
+    """
+    try:
+        return Path(path).read_bytes().decode("utf-8-sig")
+    except FileNotFoundError:
+        raise BadInput(f"there is no {what} {str(path)!r}: {close or f'check its path{more}'}") from None
+    except IsADirectoryError:
+        raise BadInput(f"{str(path)!r} is a folder: give a {kind} file{more}") from None
+    except UnicodeDecodeError:
+        raise BadInput(f"{str(path)!r} is not UTF-8 text: save it as a UTF-8 {kind} file") from None
+    except (OSError, ValueError) as error:
+        cause = getattr(error, "strerror", None) or str(error)
+        raise BadInput(f"{str(path)!r} cannot be read ({cause}): check its path and permissions") from None
+
+
 def toml_table(path: str, what: str) -> dict[str, Any]:
     """Read the table in a TOML file; `what` names it in messages."""
     import difflib
     import tomllib
 
-    remedy = f"; presets: {', '.join(PRESETS)}" if what != "file" else ""
-    text = ""
+    close, more = list[str](), ""
+    if what != "file":
+        close, more = difflib.get_close_matches(path.casefold(), PRESETS, n=1), f"; presets: {', '.join(PRESETS)}"
+    text = text_of(path, "TOML", what, f"did you mean {close[0]}?" if close else "", more)
     try:
-        # editors may write a byte order mark, which TOML does not allow
-        text = Path(path).read_bytes().decode("utf-8-sig")
         return tomllib.loads(text)
-    except FileNotFoundError:
-        close = difflib.get_close_matches(path.casefold(), PRESETS, n=1)
-        hint = f": did you mean {close[0]}?" if close and remedy else f": check its path{remedy}"
-        raise BadInput(f"there is no {what} {path!r}{hint}") from None
-    except IsADirectoryError:
-        raise BadInput(f"{path!r} is a folder: give a TOML file{remedy}") from None
-    except UnicodeDecodeError:
-        raise BadInput(f"{path!r} is not UTF-8 text: save it as a UTF-8 TOML file") from None
     except (tomllib.TOMLDecodeError, RecursionError) as error:
         cause = str(error) if isinstance(error, tomllib.TOMLDecodeError) else "it is nested too deeply"
         cause = cause.replace("at end of document", f"at the end, line {len(text.splitlines())}")
         raise BadInput(f"{path!r} is not valid TOML: {cause}") from None
-    except (OSError, ValueError) as error:
-        cause = getattr(error, "strerror", None) or str(error)
-        raise BadInput(f"{path!r} cannot be read ({cause}): check its path and permissions") from None
 
 
 def warn_of_values(design: Design) -> None:

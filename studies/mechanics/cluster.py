@@ -189,7 +189,12 @@ class _Jobs:
 
             try:
                 try:
-                    reply.set_result(self._answer(future))
+                    reply.set_result(pickle.loads(future.result()))
+                except (CancelledError, OSError, TimeoutError):
+                    # Dask cancels all futures when the connection breaks; an error of a worker comes over a good one
+                    if future.status == "error":
+                        raise
+                    raise SchedulerLost(f"the scheduler at {self.address} is gone") from None
                 except KilledWorker as lost:
                     if attempt == ATTEMPTS:
                         count = ATTEMPTS * (lost.allowed_failures + 1)
@@ -201,13 +206,3 @@ class _Jobs:
                 self.futures.pop(future, None)
 
         future.add_done_callback(receive)
-
-    def _answer(self, future: Any) -> Answer:
-        try:
-            result: Answer = pickle.loads(future.result())
-        except (CancelledError, OSError, TimeoutError):
-            # Dask cancels all futures when the connection breaks; an error of a worker comes over a good connection
-            if future.status == "error":
-                raise
-            raise SchedulerLost(f"the scheduler at {self.address} is gone") from None
-        return result

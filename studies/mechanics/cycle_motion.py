@@ -8,7 +8,7 @@ same frequency, and its mean speed is given. At each end of the stroke the plate
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -71,7 +71,7 @@ class Motion:
     @property
     def largest(self) -> Load:
         """The load at the end of a stroke."""
-        return _load(self, self.depth, self.shear)
+        return Load(depth=self.depth, shear_x=self.shear, friction=self.friction)
 
     @property
     def half(self) -> float:
@@ -118,60 +118,40 @@ def stops(motion: Motion) -> list[Stop]:
     [0.5, 1.0, 0.5, 0.0]
     """
     path: list[Stop] = []
-    time = 0.0
-    if motion.shear:
-        time = motion.depth / motion.stroke * motion.half
-        path.append(Stop(TimedLoad(time, _load(motion, motion.depth, 0.0)), 0, "press", "end"))
-        for part, way in _quarter(motion.waveform):
-            time += motion.half * part / 2
-            path.append(Stop(TimedLoad(time, _load(motion, motion.depth, motion.shear * way)), 0, "press"))
-        time = _hold(motion, path, time, 0)
-    ways: tuple[Phase, Phase] = ("out", "in") if motion.shear else ("in", "out")
+    time, half, shear, sine = 0.0, motion.half, motion.shear, motion.waveform == "sine"
+
+    def load(share: float) -> Load:
+        """Return the load at a share of the stroke, counted from its outer end."""
+        depth, along = (motion.depth, shear * (2 * share - 1)) if shear else (motion.depth * share, 0.0)
+        return Load(depth=depth, shear_x=along, friction=motion.friction)
+
+    def rest(cycle: int) -> float:
+        if not motion.hold:
+            return time
+        path.append(Stop(TimedLoad(time + motion.hold, path[-1].timed.load), cycle, "hold"))
+        return time + motion.hold
+
+    if shear:
+        time = motion.depth / motion.stroke * half
+        pressed = Load(depth=motion.depth, shear_x=0.0, friction=motion.friction)
+        path.append(Stop(TimedLoad(time, pressed), 0, "press", "end"))
+        pieces = HALF // 2 if sine else 1
+        for k in range(1, pieces + 1):
+            time += half * (1 / pieces) / 2
+            way = math.sin(math.pi / 2 * k / pieces) if sine else 1.0
+            path.append(Stop(TimedLoad(time, replace(pressed, shear_x=shear * way)), 0, "press"))
+        time = rest(0)
+    # times over that of a stroke, and shares of its way, exact at mid-stroke and at the ends
+    at = np.arange(1, HALF + 1) / HALF if sine else np.array([0.5, 1.0])
+    way_of_sine = np.where(at == 0.5, 0.5, (1 - np.cos(math.pi * at)) / 2)
+    pairs = list(zip(at.tolist(), (way_of_sine if sine else at).tolist(), strict=True))
+    ways: tuple[Phase, Phase] = ("out", "in") if shear else ("in", "out")
     for cycle in range(1, motion.cycles + 1):
         for phase in ways:
             begin = time
-            for at, share in _stroke(motion.waveform):
-                time = begin + motion.half * at
-                place: Literal["", "middle", "end"] = "middle" if at == 0.5 else "end" if at == 1 else ""
-                path.append(
-                    Stop(TimedLoad(time, _at(motion, share if phase == "in" else 1 - share)), cycle, phase, place)
-                )
-            time = _hold(motion, path, time, cycle)
+            for part, share in pairs:
+                time = begin + half * part
+                place: Literal["", "middle", "end"] = "middle" if part == 0.5 else "end" if part == 1 else ""
+                path.append(Stop(TimedLoad(time, load(share if phase == "in" else 1 - share)), cycle, phase, place))
+            time = rest(cycle)
     return path
-
-
-def _stroke(waveform: Waveform) -> list[tuple[float, float]]:
-    """Return shares of a stroke's duration and of its way, from one end to the other."""
-    if waveform == "triangle":
-        return [(0.5, 0.5), (1.0, 1.0)]
-    at = np.arange(1, HALF + 1) / HALF
-    # exact at mid-stroke and at the ends
-    way = np.where(at == 0.5, 0.5, (1 - np.cos(math.pi * at)) / 2)
-    return list(zip(at.tolist(), way.tolist(), strict=True))
-
-
-def _quarter(waveform: Waveform) -> list[tuple[float, float]]:
-    """Return durations over a quarter period and shares of the way, from the middle of the stroke to its end."""
-    if waveform == "triangle":
-        return [(1.0, 1.0)]
-    steps = HALF // 2
-    return [(1 / steps, math.sin(math.pi / 2 * i / steps)) for i in range(1, steps + 1)]
-
-
-def _hold(motion: Motion, path: list[Stop], time: float, cycle: int) -> float:
-    """Add the rest at the end of a stroke, if there is one; return the time after it."""
-    if not motion.hold:
-        return time
-    path.append(Stop(TimedLoad(time + motion.hold, path[-1].timed.load), cycle, "hold"))
-    return time + motion.hold
-
-
-def _at(motion: Motion, share: float) -> Load:
-    """Return the load at a share of the stroke, counted from its outer end."""
-    if motion.shear:
-        return _load(motion, motion.depth, motion.shear * (2 * share - 1))
-    return _load(motion, motion.depth * share, 0.0)
-
-
-def _load(motion: Motion, depth: float, shear: float) -> Load:
-    return Load(depth=depth, shear_x=shear, friction=motion.friction)

@@ -298,7 +298,13 @@ def follow(
     """Return the outcome of each load of a path; a refused load does not stop the others."""
     from fem import equilibrium
 
-    refused = [_refusal(design, load, magnet) for load in loads]
+    refused = []
+    for load in loads:
+        try:
+            check_load(design, load, magnet)
+            refused.append("")
+        except BadInput as error:
+            refused.append(str(error))
     possible = [load for load, reason in zip(loads, refused, strict=True) if not reason]
     states: list[Solution] = []
     if possible:
@@ -309,14 +315,6 @@ def follow(
             failed = LoadOutcome(None, "not_converged", str(error))
     reached = iter([LoadOutcome(one if one.status in ANSWERED else None, one.status, one.message) for one in states])
     return [LoadOutcome(None, "bad_input", reason) if reason else next(reached, failed) for reason in refused]
-
-
-def _refusal(design: Design, load: Load, magnet: Magnet) -> str:
-    try:
-        check_load(design, load, magnet)
-    except BadInput as error:
-        return str(error)
-    return ""
 
 
 def _smaller_steps(load: Load, solved: Sequence[Position], D: float) -> list[Load]:

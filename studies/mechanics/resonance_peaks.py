@@ -88,16 +88,11 @@ def peaks(gain: Gain, low: float, high: float) -> list[Peak]:
     return resonances
 
 
-def falls_below(gain: Gain, level: float, low: float, high: float) -> float | None:
-    """Return the first frequency at which the gain falls below a level; None if it does not."""
-    f = grid(low, high)
-    below = np.flatnonzero(gain(f) < level)
-    return None if not len(below) else _root(gain, level, f, int(below[0]))
-
-
 def bandwidth(gain: Gain, low: float, high: float) -> float | None:
     """Return the frequency at which the gain is first 3 dB below that at the lowest one; None beyond the band."""
-    return falls_below(gain, TO_HALF_POWER * _single(gain, low), low, high)
+    f, level = grid(low, high), TO_HALF_POWER * _single(gain, low)
+    below = np.flatnonzero(gain(f) < level)
+    return None if not len(below) else _root(gain, level, f, int(below[0]))
 
 
 def flat_to(gain: Gain, error: float, low: float, high: float) -> float | None:

@@ -15,8 +15,8 @@ from analytic import beam
 from fem.accuracy import LEVELS, Accuracy, coarser
 from fem.scene import Scene
 from geometry.compiled import cores
-from geometry.design import BadInput, Design
-from geometry.loads import ANSWERED, Load
+from geometry.design import BadInput
+from geometry.loads import ANSWERED
 from geometry.messages import Progress
 from studies.inputs.study_input import needs_load
 from studies.mechanics import store as store_module
@@ -172,18 +172,6 @@ def surrogate_answers(problems: Sequence[Problem]) -> list[Answer]:
     return answers
 
 
-def _checked(answer: Answer, target: Target, design: Design, load: Load) -> Answer:
-    """Return the answer, with status "beyond_tolerance" and the reason if it is not known to meet the tolerance."""
-    if target.choice is None or answer.response is None or answer.status not in ANSWERED:
-        return answer
-    estimates = {"force": answer.error_estimate, **answer.estimates}
-    along = along_shear(load, answer.response)
-    reason = unmet(target.choice, design, load, along, estimates)
-    if not reason:
-        return answer
-    return replace(answer, status=UNMET, message="; ".join(filter(None, (answer.message, reason))))
-
-
 class Solves:
     """The missing states of a study's paths: they are solved by workers, and written to the store as they arrive."""
 
@@ -231,7 +219,7 @@ class Solves:
             raise KeyboardInterrupt(said) from None
 
     def answer(self, target: Target, problem: Problem) -> Answer:
-        """Return the answer to a problem, for its own design."""
+        """Return the answer to a problem, for its own design; its status says if it may be beyond the tolerance."""
         if target.formula is not None:
             return target.formula
         if problem.design is None or problem.load is None or not target.key:
@@ -243,7 +231,14 @@ class Solves:
                 "the same command again"
             )
         answer = stored[target.at].of(problem.design.D, problem.design.E, target.direction)
-        return _checked(answer, target, problem.design, problem.load)
+        if target.choice is None or answer.response is None or answer.status not in ANSWERED:
+            return answer
+        estimates = {"force": answer.error_estimate, **answer.estimates}
+        along = along_shear(problem.load, answer.response)
+        reason = unmet(target.choice, problem.design, problem.load, along, estimates)
+        if not reason:
+            return answer
+        return replace(answer, status=UNMET, message="; ".join(filter(None, (answer.message, reason))))
 
     def answers(self, key: str) -> Mapping[Position, Answer]:
         """Return the stored answers of a path, by their positions."""

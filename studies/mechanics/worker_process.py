@@ -369,19 +369,13 @@ def _do(job: bytes) -> bytes:
         error, seconds = other, 0.0
     # a pickle keeps the notes of an exception, but not its traceback
     error.add_note("in a worker process:\n" + "".join(traceback.format_exception(error)))
-    return pickle.dumps((None, _portable(error), seconds))
-
-
-def _portable(error: BaseException) -> BaseException:
-    """Return an exception, or its text and notes in another one if it cannot be pickled."""
     try:
         pickle.loads(pickle.dumps(error))
     except Exception:
-        # pickle calls methods of the exception's own class, which may raise anything
-        other = RuntimeError(f"{type(error).__name__}: {error}")
-        other.__notes__ = error.__notes__
-        return other
-    return error
+        # pickle calls methods of the exception's own class, which may raise anything: its text stands for it
+        notes, error = error.__notes__, RuntimeError(f"{type(error).__name__}: {error}")
+        error.__notes__ = notes
+    return pickle.dumps((None, error, seconds))
 
 
 def _send(message: bytes | tuple[Any], answers: IO[bytes]) -> None:

@@ -86,7 +86,13 @@ def finished(
     report = Unfinished(tasks, cost, progress)
     if isinstance(tasks, Sequence) and tasks:
         workers = min(workers, len(tasks))  # each has more threads for linear algebra
-    with _executor(workers, scheduler) as executor:
+    if scheduler is not None:
+        from studies.mechanics.cluster import connected
+
+        opened = connected(scheduler)
+    else:
+        opened = processes(workers) if workers else contextlib.nullcontext(inline())
+    with opened as executor:
         try:
             yield from _finished(tasks, function, executor, report)
         except SchedulerLost as error:
@@ -134,14 +140,6 @@ def _result(task: T, future: Future[Answer]) -> tuple[Finished[T, Any], float]:
     if error is not None:
         raise error
     return Finished(task, value, ""), seconds
-
-
-def _executor(workers: int, scheduler: str | None) -> contextlib.AbstractContextManager[Executor]:
-    if scheduler is not None:
-        from studies.mechanics.cluster import connected
-
-        return connected(scheduler)
-    return processes(workers) if workers else contextlib.nullcontext(inline())
 
 
 class Unfinished:

@@ -195,19 +195,13 @@ def _delete_left_folders(folder: Path) -> None:
     """
     for left in folder.glob(f"{WRITING}{glob.escape(platform.node())}-*"):
         process = left.name.rsplit("-", 2)[1]
-        if process.isdecimal() and not _runs(int(process)):
+        try:
+            if os.name == "posix" and process.isdecimal():
+                os.kill(int(process), 0)
+        except ProcessLookupError:
             shutil.rmtree(left, ignore_errors=True)
-
-
-def _runs(process: int) -> bool:
-    try:
-        if os.name == "posix":
-            os.kill(process, 0)
-    except ProcessLookupError:
-        return False
-    except OSError:
-        return True
-    return True
+        except OSError:
+            continue  # it runs, as another user's
 
 
 @contextlib.contextmanager

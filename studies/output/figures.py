@@ -157,7 +157,11 @@ def plot(title: str, caption: str, data: pd.DataFrame, x: str, y: str, look: Loo
     """Return points, or lines, over numbers or names; see the module for the columns of the table."""
     import altair as alt
 
-    data = _known(data, x, y)
+    counted = [name for name in (x, y) if not _is_named(data, name)]
+    known = np.isfinite(data[counted].astype(float)).all(axis=1)
+    if "failed" in data:
+        known |= data["failed"].astype(bool)
+    data = data[known].reset_index(drop=True)
     drawn, notes = _thinned(data, y, look)
     if "model" in data and look.line:
         # Vega-Lite joins the legends of scales of one domain, and would show broken markers
@@ -365,16 +369,6 @@ def _spec(chart: Any) -> dict[str, Any]:
     return spec
 
 
-def _known(data: pd.DataFrame, x: str, y: str) -> pd.DataFrame:
-    known = np.ones(len(data), dtype=bool)
-    for name in (x, y):
-        if not _is_named(data, name):
-            known &= np.isfinite(data[name].astype(float))
-    if "failed" in data:
-        known |= data["failed"].astype(bool)
-    return data[known].reset_index(drop=True)
-
-
 def _is_named(data: pd.DataFrame, column: str) -> bool:
     return data[column].dtype.kind not in "fiub"
 
@@ -415,7 +409,6 @@ def _shaded(
 
 
 def _gradual(values: pd.Series) -> tuple[Any, float, float]:
-    """Return the kind of the scale of colours that change gradually, and its ends."""
     low, high = (float(values.min()), float(values.max())) if len(values) else (0.0, 1.0)
     return "log" if low > 0 and high > WIDE * low else "linear", low, high
 
@@ -432,10 +425,12 @@ def _channel(kind: Any, data: pd.DataFrame, name: str, look: Look, ticks: int) -
 
 
 def _numbers(data: pd.DataFrame, name: str, way: str, look: Look) -> tuple[Any, dict[str, Any]]:
-    """Return the scale of an axis of numbers, and what its labels need."""
     import altair as alt
 
-    least = _text_room(data, way, look)
+    # pixels that names right of points, and those below guides, need between a value and the frame
+    least = 16.0 * any(guide.label for guide in look.guides if guide.axis == "y") if way == "y" else 0.0
+    if way == "x" and "label" in data and len(data) <= MOST_LABELS:
+        least = 12 + LETTER * max(map(len, data["label"]), default=0)
     if way in look.log:
         return alt.Scale(type="log", nice=False, padding=max(8, least)), {"format": "~g"}
     if way == "y" and look.span:
@@ -451,14 +446,6 @@ def _numbers(data: pd.DataFrame, name: str, way: str, look: Look) -> tuple[Any, 
     # a margin below zero would show numbers that no value has
     padding = 0 if way == "y" and (zero or low == 0) else max(9, least if way == "x" else 0)
     return alt.Scale(zero=zero, padding=padding, nice=way == "y"), powers
-
-
-def _text_room(data: pd.DataFrame, way: str, look: Look) -> float:
-    """Return the pixels that names right of points, and those below guides, need between a value and the frame."""
-    if way == "y":
-        return 16 if any(guide.label for guide in look.guides if guide.axis == "y") else 0
-    named = "label" in data and len(data) <= MOST_LABELS
-    return 12 + LETTER * max(map(len, data["label"]), default=0) if named else 0
 
 
 def _styles(data: pd.DataFrame, look: Look, *, marked: bool) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
@@ -533,11 +520,10 @@ def _guides(guides: Sequence[Guide]) -> list[Any]:
         else:
             layers.append(one.mark_rule(style="guide", aria=False).encode(**{guide.axis: alt.datum(guide.at)}))
         if guide.label:
-            where = (
-                {"x": alt.datum(guide.at), "y": alt.value(8)} if guide.axis == "x"
-                else {"y": alt.datum(guide.at if guide.to is None else guide.to),
-                      "x": alt.value(0 if guide.left else "width")}
-            )  # fmt: skip
+            where = {"x": alt.datum(guide.at), "y": alt.value(8)}
+            if guide.axis == "y":
+                end = alt.datum(guide.at if guide.to is None else guide.to)
+                where = {"x": alt.value(0 if guide.left else "width"), "y": end}
             right = guide.axis == "y" and not guide.left
             shift = {"dx": -4 if right else 4, "align": "right" if right else "left", "dy": 7 * (guide.axis == "y")}
             layers.append(one.mark_text(text=guide.label, style="guide-label", aria=False, **shift).encode(**where))

@@ -43,15 +43,18 @@ def annotate(image: Image.Image, names: Mapping[str, Point], axes: Mapping[str, 
 
     draw, font = ImageDraw.Draw(image), ImageFont.load_default(SIZE)
     taken = np.asarray(image.convert("L")) < 255
-    subject = _box_of(taken)
+    rows, columns = np.flatnonzero(taken.any(axis=1)), np.flatnonzero(taken.any(axis=0))
+    subject = (columns[0], rows[0], columns[-1], rows[-1]) if len(rows) else (0, 0, *taken.shape[::-1])
     for name, tip in names.items():
         left, top, right, low = draw.textbbox((0, 0), name, font=font)
         place = free_place(taken, tip, (right - left + 2 * PAD, low - top + 2 * PAD))
         if place is None:
             continue
-        _leader(draw, tip, place, (right - left) / 2 + PAD, (low - top) / 2 + PAD)
+        wide, high = (right - left) / 2 + PAD, (low - top) / 2 + PAD
+        _leader(draw, tip, place, wide, high)
         draw.text(place, name, fill=INK, font=font, anchor="mm")
-        _mark_taken(taken, place, (right - left) / 2 + PAD, (low - top) / 2 + PAD)
+        x, y = place
+        taken[max(int(y - high), 0) : int(y + high) + 1, max(int(x - wide), 0) : int(x + wide) + 1] = True
     corner = _corner(taken, subject)
     for name, (x, y) in axes.items():
         end = (corner[0] + ARROW * x, corner[1] + ARROW * y)
@@ -104,17 +107,6 @@ def _arrow(draw: ImageDraw, start: Point, end: Point) -> None:
     back = (end[0] - LEAST_ARROW * x, end[1] - LEAST_ARROW * y)
     sides = [(back[0] + s * 5 * y, back[1] - s * 5 * x) for s in (-1, 1)]
     draw.polygon([end, *sides], fill=INK)
-
-
-def _mark_taken(taken: Mask, place: Point, half_x: float, half_y: float) -> None:
-    x, y = place
-    taken[max(int(y - half_y), 0) : int(y + half_y) + 1, max(int(x - half_x), 0) : int(x + half_x) + 1] = True
-
-
-def _box_of(taken: Mask) -> Sequence[int]:
-    rows, columns = np.flatnonzero(taken.any(axis=1)), np.flatnonzero(taken.any(axis=0))
-    high, wide = taken.shape
-    return (columns[0], rows[0], columns[-1], rows[-1]) if len(rows) else (0, 0, wide, high)
 
 
 def _corner(taken: Mask, subject: Sequence[int]) -> Point:

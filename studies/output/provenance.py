@@ -59,15 +59,7 @@ def write(folder: Path, command: str, design: Mapping[str, Any], origin: str = "
 
 
 def read(file: Path) -> Run:
-    """Read a record.
-
-    Raises
-    ------
-    Newer
-        The file has a newer format.
-    BadInput
-        It is no record of a run.
-    """
+    """Read a record; one of a newer format raises `Newer`, and what is no record of a run BadInput."""
     try:
         record = json.loads(file.read_text(encoding="utf-8"))
         if not isinstance(record, dict):
@@ -82,13 +74,7 @@ def read(file: Path) -> Run:
 
 
 def check_format(file: Path, record: Mapping[str, Any]) -> None:
-    """Refuse a JSON object whose `format`, or `version`, is newer than this version reads.
-
-    Raises
-    ------
-    Newer
-        It is a number above `FORMAT`.
-    """
+    """Raise `Newer` for a JSON object whose `format`, or `version`, is above `FORMAT`."""
     number = record.get("format", record.get("version", FORMAT))
     if isinstance(number, (int, float)) and number > FORMAT:
         raise Newer(

@@ -13,7 +13,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 from geometry.design import BadInput
@@ -44,7 +43,6 @@ def writer(path: str | Path, *, digits: int = 6, about: Mapping[str, str] | None
 
     Parameters
     ----------
-    path : file that ends in .csv or .parquet.
     digits : significant digits of floats in a CSV file; a Parquet file holds them in full.
     about : texts by name, such as the command and the versions, kept in a Parquet file's metadata; a CSV file has no
         place for them.
@@ -52,11 +50,9 @@ def writer(path: str | Path, *, digits: int = 6, about: Mapping[str, str] | None
     Raises
     ------
     BadInput
-        The file ends otherwise.
-    ValueError
-        From the yielded function: the columns of a batch differ in length.
-    KeyError
-        From the yielded function: a batch lacks a column of the first batch.
+        The file ends neither in .csv nor in .parquet.
+    ValueError, KeyError
+        From the yielded function: the columns of a batch differ in length, or it lacks one of the first batch.
     """
     suffix = Path(path).suffix.lower()
     if suffix not in (".csv", ".parquet"):
@@ -102,7 +98,11 @@ def _parquet(file: Path, about: dict[str, str]) -> Iterator[Write]:
             nonlocal sink
             if sink is None:
                 # the first batch fixes the types: all NaN makes a column of floats, all None one of texts
-                types = {name: _arrow_type(values.dtype) for name, values in batch.items()}
+                kinds = {name: values.dtype for name, values in batch.items()}
+                types = {
+                    name: pa.string() if kind.kind in "OU" else pa.from_numpy_dtype(kind)
+                    for name, kind in kinds.items()
+                }
                 schema = pa.schema(types.items(), metadata=about)
                 sink = stack.enter_context(parquet.ParquetWriter(file, schema, compression="zstd"))
             # Arrow shares an array's memory where it can, and the caller may fill the array again: copy
@@ -120,9 +120,3 @@ def _parquet(file: Path, about: dict[str, str]) -> Iterator[Write]:
         if sink is None:
             write({})
         flush()
-
-
-def _arrow_type(dtype: np.dtype[Any]) -> Any:
-    import pyarrow as pa
-
-    return pa.string() if dtype.kind in "OU" else pa.from_numpy_dtype(dtype)

@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from studies.output.atomic_files import atomic
 
 if TYPE_CHECKING:
@@ -22,8 +24,6 @@ def write_mesh(path: str | Path, mesh: skfem.Mesh, about: Mapping[str, float] | 
     ----------
     about : numbers by name that the file stores as field data.
     """
-    import numpy as np
-
     grid = grid_of(mesh)
     regions = mesh.subdomains or {}
     region = np.zeros(mesh.nelements, dtype=np.int64)
@@ -47,8 +47,6 @@ def write_field(path: str | Path, solution: Solution) -> None:
 
 def field_grid(solution: Solution) -> Any:
     """Return the PyVista grid that `write_field` writes."""
-    import numpy as np
-
     from fem.results.revolved_body import place
 
     solid = place(solution)
@@ -67,7 +65,6 @@ def grid_of(mesh: skfem.Mesh) -> Any:
     The (r, z) section lies in the plane y = 0 with x = r. scikit-fem and VTK number the nodes of a cell in the same
     order (corners, then the edges 01, 12, 02 and, in a tetrahedron, 03, 13, 23), but VTK requires positive volumes.
     """
-    import numpy as np
     import pyvista as pv
 
     nodes = np.asarray(mesh.dofs.element_dofs)
@@ -83,15 +80,11 @@ def grid_of(mesh: skfem.Mesh) -> Any:
 
 def spatial(vectors: Any) -> Any:
     """Return vectors (n, 2) of the section as (n, 3), with 0 along y; vectors (n, 3) are copied."""
-    import numpy as np
-
     return np.insert(vectors, 1, 0.0, axis=1) if vectors.shape[1] == 2 else np.array(vectors, dtype=float)
 
 
 def nodal_pressure(body: Body) -> Any:
     """Return the pressure at every node, shape (n,), MPa, positive in compression and linear along the edges."""
-    import numpy as np
-
     pressure = np.zeros(len(body.u))
     # the elements' unknown p is the mean stress, positive in tension
     pressure[body.vertices] = -body.p
