@@ -86,6 +86,7 @@ def finished(
     report = Unfinished(tasks, cost, progress)
     if isinstance(tasks, Sequence) and tasks:
         workers = min(workers, len(tasks))  # each has more threads for linear algebra
+    opened: contextlib.AbstractContextManager[Executor]
     if scheduler is not None:
         from studies.mechanics.cluster import connected
 
