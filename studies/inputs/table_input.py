@@ -27,9 +27,7 @@ Rows = list[tuple[int, list[str]]]
 def csv_rows(path: Path, *, comments: bool = False) -> Rows:
     """Return the rows of a CSV table that are not empty, the header first; an empty file gives no rows.
 
-    Parameters
-    ----------
-    comments : whether # begins a comment.
+    `comments`: whether # begins a comment.
     """
     lines = io.StringIO(text_of(path, "CSV"), newline="")
     reader = csv.reader((line.partition("#")[0] if comments else line for line in lines), strict=True)

@@ -34,11 +34,6 @@ def read_design(source: str, sets: Sequence[str] = (), *, magnet: Magnet = "rigi
     paper. Tables beside them (`BESIDE`) say how the sensor is made, and what was required of it. With magnet
     "ignored", a magnet that does not fit into the beam is removed from the design, so that the beam can be studied.
 
-    Raises
-    ------
-    BadInput
-        A key is unknown, a value is no number or impossible, or the file cannot be read.
-
     >>> read_design("paper", ["D=10", "L=12"]).H
     7.0
     """

@@ -380,9 +380,7 @@ def run(
 ) -> Cycles:
     """Follow a motion; the states that were reached are returned even if the path ends early.
 
-    Parameters
-    ----------
-    interrupted : receives, after Ctrl-C, the results of the states that were reached.
+    `interrupted`: receives, after Ctrl-C, the results of the states that were reached.
     """
     begin = time.process_time()
     passed: list[tuple[Stop, TimedState, bool]] = []
@@ -466,9 +464,7 @@ def loss_factor_of_gap(
 
     The first guess is that of a linear spring, whose gap is nearly proportional to the loss factor.
 
-    Parameters
-    ----------
-    followed : returns the cycles of a design in this motion.
+    `followed`: returns the cycles of a design in this motion.
 
     Raises
     ------

@@ -346,9 +346,7 @@ def _choice(model: str, level: str, bounds: Sequence[Bound], places: Sequence[Re
 def region(design: Design, load: Load, magnet: Magnet, kind: Kind | None = None) -> Region:
     """Return kind and region of a load, with a factor for what lies beyond the study.
 
-    Parameters
-    ----------
-    kind : of the whole path; default: that of the load.
+    `kind`: of the whole path; default: that of the load.
 
     >>> from geometry.design import paper
     >>> region(paper(), Load(depth=0.4), "rigid").name

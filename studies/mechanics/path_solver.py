@@ -179,9 +179,7 @@ class Answer:
     def of(self, D: float, E: float, direction: tuple[float, float] = (1.0, 0.0)) -> Answer:
         """Return the answer for a geometrically similar design: lengths scale with D, forces with E D^2.
 
-        Parameters
-        ----------
-        direction : unit vector of the shear; the answer is turned from x to it.
+        `direction`: unit vector of the shear; the answer is turned from x to it.
         """
         message = self.message
         if message and D != self.D:

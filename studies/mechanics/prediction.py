@@ -65,9 +65,7 @@ def beams(
 ) -> Beams:
     """Return beams for the shipped surrogate, from arrays of shape (n,); lengths over D.
 
-    Parameters
-    ----------
-    edge_radius : radius of the magnet's edges; default: `USUAL_EDGE` of the smaller side of the magnet's section.
+    `edge_radius`: radius of the magnet's edges; default: `USUAL_EDGE` of the smaller side of the magnet's section.
     """
     d, h = np.asarray(magnet_diameter, float), np.asarray(magnet_height, float)
     smaller = np.minimum(d, h)
@@ -173,9 +171,7 @@ class Beams:
     def press(self, depth: Array) -> dict[str, Quantity]:
         """Return the response to frictionless presses.
 
-        Parameters
-        ----------
-        depth : over D, shape (n, k); NaN is returned outside SHALLOWEST to `deepest`.
+        `depth`: over D, shape (n, k); NaN is returned outside SHALLOWEST to `deepest`.
 
         Returns
         -------
@@ -195,9 +191,7 @@ class Beams:
     def knows(self, depth: Array, shear: Array) -> NDArray[np.bool_]:
         """Return which loads have an answer that a sensor shows: in the range, and not beyond `stable_to`.
 
-        Parameters
-        ----------
-        depth, shear : over D, shape (n, k); a press has no shear.
+        `depth`, `shear`: over D, shape (n, k); a press has no shear.
         """
         stable = depth <= self.stable_to()[:, None] + 1e-9
         return np.asarray(stable & np.where(shear == 0, self._can_press(depth), self._can_shear(depth, shear)))
@@ -263,9 +257,7 @@ class Beams:
         That is the lower end of the critical depth's interval. Without a critical depth in the range, it is the depth
         at which the interval of the sideways stiffness reaches 0, or `deepest`.
 
-        Parameters
-        ----------
-        caution : number of half widths of the intervals.
+        `caution`: number of half widths of the intervals.
         """
         if caution not in self._known_stable:
             critical = self.critical_depth()
@@ -294,9 +286,7 @@ class Beams:
     def first_mode(self, density_ratio: Array) -> Quantity:
         """Return the lowest natural frequency of the unloaded beams over (E / rho)^(1/2) / D, shape (n,).
 
-        Parameters
-        ----------
-        density_ratio : density of the magnet over that of the silicone, shape (n,); NaN is returned out of range.
+        `density_ratio`: density of the magnet over that of the silicone, shape (n,); NaN is returned out of range.
         """
         ratio = np.broadcast_to(np.asarray(density_ratio, float), self.L.shape)
         low, high = surrogate_range.DENSITY_RATIO
@@ -329,9 +319,7 @@ def shear_values(
 ) -> dict[str, Array]:
     """Return the quantities of shears from their forms, arrays that broadcast against each other.
 
-    Parameters
-    ----------
-    pressed : force and shift of the press at the same depth.
+    `pressed`: force and shift of the press at the same depth.
     """
     return {
         "force_x": s * forms["force_x"] / compliance(L),

@@ -157,9 +157,7 @@ def _exact(value: Any) -> Any:
 class Store:
     """An open store, see `opened`.
 
-    Attributes
-    ----------
-    file : of the store.
+    `file`: of the store.
     """
 
     def __init__(self, file: Path, connection: sqlite3.Connection) -> None:
@@ -232,13 +230,7 @@ def default() -> Path:
 
 @contextlib.contextmanager
 def opened(file: Path) -> Iterator[Store]:
-    """Open a store; a file that does not exist is made.
-
-    Raises
-    ------
-    BadInput
-        The file is no store, is damaged, has a newer version, or cannot be read, made or written.
-    """
+    """Open a store; a file that does not exist is made."""
     with writable(file) as connection:
         yield Store(file, connection)
 

@@ -289,9 +289,7 @@ StateRows = list[tuple[Any, ...]]
 def listing(selection: Selection, limit: int, *, of_paths: bool = False) -> tuple[FlatRow, list[FlatRow]]:
     """Return the summary of a store and its newest states, or its newest paths, that meet the filters.
 
-    Parameters
-    ----------
-    limit : largest number of rows; 0 for all. SQLite counts to 2**63 - 1.
+    `limit`: largest number of rows; 0 for all. SQLite counts to 2**63 - 1.
     """
     where = condition(selection)
     file = selection.store or store.default()

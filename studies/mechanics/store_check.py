@@ -38,9 +38,7 @@ different processors."""
 def checks(file: Path, repeated: int = 0, seed: int = 0, progress: Progress | None = None) -> Iterator[FlatRow]:
     """Yield a row for each check of a store, which is not changed.
 
-    Parameters
-    ----------
-    repeated : number of states, chosen at random by `seed`, that are solved again and compared.
+    `repeated`: number of states, chosen at random by `seed`, that are solved again and compared.
 
     Yields
     ------

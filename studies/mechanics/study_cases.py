@@ -144,10 +144,8 @@ class Plan:
 class Problem:
     """What the mechanics depend on in a case, or the reason why it is impossible.
 
-    Attributes
-    ----------
-    design, load : None if the case is impossible; `message` then gives the reason. The design's E is that of the
-        base design, unless the study has an imperfection or a quantity that depends on time.
+    `design`, `load`: None if the case is impossible; `message` then gives the reason. The design's E is that of the
+    base design, unless the study has an imperfection or a quantity that depends on time.
     """
 
     design: Design | None

@@ -162,9 +162,7 @@ class Group:
 class Surrogate:
     """All groups by name: press, strain, mode, shear; and how they were made.
 
-    Attributes
-    ----------
-    about : physics versions, level of accuracy, numbers of beams, versions of the packages and the commit.
+    `about`: physics versions, level of accuracy, numbers of beams, versions of the packages and the commit.
     """
 
     groups: Mapping[str, Group]

@@ -64,9 +64,7 @@ def farthest(L: Array) -> Array:
 def wall(L: Array, diameter: Array, height: Array, edge: Array) -> Array:
     """Return the least thickness of silicone around magnets, shape (n,), as `geometry.design.Shape.wall` does.
 
-    Parameters
-    ----------
-    edge : radius of the magnet's edges, over the smaller side of its section.
+    `edge`: radius of the magnet's edges, over the smaller side of its section.
     """
     a, b = diameter / 2, height / 2
     rho = edge * np.minimum(diameter, height)

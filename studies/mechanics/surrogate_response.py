@@ -146,9 +146,7 @@ def refusal_of_kind(design: Design, load: Load, magnet: Magnet) -> str:
 def load_refusal(beams: Beams, k: int, D: float, depth: float, shear: float) -> str:
     """Return why the surrogate refuses a load of beam `k`, "" if it takes it.
 
-    Parameters
-    ----------
-    depth, shear : mm; a press has no shear.
+    `depth`, `shear`: mm; a press has no shear.
     """
     if beams.outside[k]:
         return str(beams.outside[k])

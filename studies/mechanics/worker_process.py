@@ -73,9 +73,7 @@ def environment(threads: int) -> dict[str, str]:
 class WorkerProcesses:
     """Worker processes for jobs from several threads: a process for each job at a time, kept for the next one.
 
-    Parameters
-    ----------
-    threads : number of threads of linear algebra in each process.
+    `threads`: number of threads of linear algebra in each process.
     """
 
     def __init__(self, threads: int) -> None:
@@ -229,9 +227,7 @@ def answer(function: Callable[[Any], Any], task: Any) -> Answer:
 class Sender:
     """The process that sends the jobs, for a job that says what it has so far, or asks whether it still matters.
 
-    Parameters
-    ----------
-    answers : stream to it.
+    `answers`: stream to it.
     """
 
     def __init__(self, answers: IO[bytes]) -> None:

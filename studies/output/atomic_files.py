@@ -52,10 +52,8 @@ def output_folder(path: str | Path) -> Path:
 def filled(path: str | Path, names: Iterable[str] = ()) -> Iterator[Path]:
     """Yield the output folder, locked for this process; a folder that is made here is deleted if it stays empty.
 
-    Parameters
-    ----------
-    names : names of all files that the verb may write. Those that it has not written again, when the block ends
-        without an error, are of earlier options and are deleted.
+    `names`: names of all files that the verb may write. Those that it has not written again, when the block ends
+    without an error, are of earlier options and are deleted.
     """
     with _folder_made(path) as folder, _locked(folder / LOCK, f"the folder {str(path)!r} is being filled"):
         earlier = {file: _identity(file) for file in (folder / name for name in names) if file.is_file()}
@@ -166,9 +164,7 @@ def atomic(path: str | Path, *, listed: bool = True) -> Iterator[Path]:
 
     The folder is made if it does not exist.
 
-    Parameters
-    ----------
-    listed : whether to list the file as an output of magtip, see `studies.output.own_files`.
+    `listed`: whether to list the file as an output of magtip, see `studies.output.own_files`.
     """
     file = Path(path)
     file.parent.mkdir(parents=True, exist_ok=True)

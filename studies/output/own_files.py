@@ -41,9 +41,7 @@ MOST_BYTES = 20_000_000
 def note(folder: Path, files: Mapping[str, Path]) -> None:
     """List files that are about to get their names in a folder; hidden files are not listed.
 
-    Parameters
-    ----------
-    files : for each name the file that will have it.
+    `files`: for each name the file that will have it.
     """
     listed = _listed(folder) or {}
     entries = {name: _digest(file) for name, file in files.items() if not name.startswith(".")}

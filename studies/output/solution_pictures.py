@@ -42,9 +42,7 @@ def section_picture(path: str | Path, design: Design, solution: Solution, *, mag
 
     Its colour is the magnitude of the displacement.
 
-    Parameters
-    ----------
-    magnet : "rigid" draws the magnet at its pose; "ignored" draws no magnet.
+    `magnet`: "rigid" draws the magnet at its pose; "ignored" draws no magnet.
     """
     picture = _Picture(design, solution)
     if magnet == "rigid":
@@ -335,9 +333,7 @@ def _sliced(solid: Body) -> Cut:
 def _crossings(y: Array) -> tuple[NDArray[np.int64], Array]:
     """Find the triangles in which linear functions y in tetrahedra are zero.
 
-    Parameters
-    ----------
-    y : values at the corners of m cells, shape (m, 4).
+    `y`: values at the corners of m cells, shape (m, 4).
 
     Returns
     -------
@@ -387,9 +383,7 @@ def _outline(triangles: NDArray[np.int64]) -> NDArray[np.int64]:
 def surface(corners: Array, value: Array) -> Any:
     """Divide curved triangles, shape (m, 6, 3), into a PyVista surface of flat ones.
 
-    Parameters
-    ----------
-    value : values at the nodes, shape (m, 6); the points of the surface get their interpolation.
+    `value`: values at the nodes, shape (m, 6); the points of the surface get their interpolation.
     """
     import pyvista as pv
 

@@ -20,9 +20,7 @@ if TYPE_CHECKING:
 def write_mesh(path: str | Path, mesh: skfem.Mesh, about: Mapping[str, float] | None = None) -> None:
     """Write a second-order mesh as .vtu, with the number of each cell's region (0 silicone, 1 magnet).
 
-    Parameters
-    ----------
-    about : numbers by name that the file stores as field data.
+    `about`: numbers by name that the file stores as field data.
     """
     grid = grid_of(mesh)
     regions = mesh.subdomains or {}

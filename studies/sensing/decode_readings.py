@@ -94,13 +94,7 @@ def result(record: FlatRow) -> Result:
 
 
 def prepare(design: Design, decoding: Decoding) -> Decoder:
-    """Return the decoder of a design with the mechanics of a level of the formulas, or of the states in a file.
-
-    Raises
-    ------
-    BadInput
-        Level and file are both given, or the mechanics do not suit the decoder.
-    """
+    """Return the decoder of a design with the mechanics of a level of the formulas, or of the states in a file."""
     law = mechanics_of(design, decoding.level, decoding.responses)
     warn_if_upright(law, ignore_tilt=decoding.ignore_tilt)
     return decoder(design, law, ignore_tilt=decoding.ignore_tilt)
@@ -271,11 +265,6 @@ def decode_file(
     other than those of the elements, in their order, are copied. A row with an empty or NaN reading gets the status
     not_finite. `check` returns the status of each row, which may differ from the decoder's, and warnings. A row
     without an answer is a failure.
-
-    Raises
-    ------
-    BadInput
-        A file cannot be read or written, or is not a table of readings.
     """
     elements, level = coder.forward.elements, level_name(decoding.level, decoding.responses)
     assert decoding.file is not None
@@ -362,9 +351,8 @@ def over_time(
 ) -> tuple[Array, list[Status], Array]:
     """Return forces (n, 3) of a silicone that relaxes, the statuses of their rows, and `TIME_COLUMNS` (n, 4).
 
-    Parameters
-    ----------
-    field, slow, load : of rows at times (n,), s: readings (n, k), T, and force of slow loading (n, 3) with its load.
+    `field`, `slow`, `load`: of rows at times (n,), s: readings (n, k), T, and force of slow loading (n, 3) with its
+    load.
     """
     past, force, found = TimeSeries(coder), np.empty(slow.shape), list(statuses)
     for k, row in enumerate(zip(times.tolist(), field, statuses, slow, load, strict=True)):

@@ -163,11 +163,6 @@ def to_magpylib(design: Design, shift: Vector = (0.0, 0.0, 0.0), tilt: tuple[flo
 
     The collection has one source, the moved magnet, and one sensor for each element. The z axis of a sensor is the
     direction of its element, so that `collection.sensors[k].getB(collection)[2]` is B.n of element k, T.
-
-    Raises
-    ------
-    BadInput
-        The design has no magnet.
     """
     import magpylib
     from scipy.spatial.transform import Rotation
@@ -204,11 +199,6 @@ def of_states(design: Design, file: Path, sensing: Sensing) -> list[FlatRow]:
     resolution_N : standard deviations of the force along x, y and z that the noise of the readings causes; None if
         the elements have no noise, or if the states do not determine the mechanics (see `resolutions`).
     resolution_N_per_N : the same over the size of the force; None without a force.
-
-    Raises
-    ------
-    BadInput
-        `table_input.read_states` refuses the file, the file contains no states, or the field at a pose is unknown.
     """
     states = table_input.read_states(file, design)
     if not states:
@@ -307,13 +297,7 @@ FIELD_COLUMNS = ["Bx_T", "By_T", "Bz_T"]
 
 
 def add_field(design: Design, points: Path, pose: Pose, level: FieldLevel, out: Path | None) -> None:
-    """Write the table of points with the columns `FIELD_COLUMNS` added, to a file or to standard output.
-
-    Raises
-    ------
-    BadInput
-        A file cannot be read or written, is not a table of points, or the field at a point is unknown.
-    """
+    """Write the table of points with the columns `FIELD_COLUMNS` added, to a file or to standard output."""
     from analytic import hall
 
     target = None if out is None else atomic_files.check_output_file(out, ".csv")

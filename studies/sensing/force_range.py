@@ -74,13 +74,7 @@ def parse(text: str) -> tuple[float, float]:
 
 
 def loads(coder: Decoder, normal: float, tangential: float, clearance: float = 0.0) -> Loads:
-    """Return the loads of a range with the survey of their poses; lengths in mm, forces in N.
-
-    Raises
-    ------
-    BadInput
-        The formulas or states reach none of the loads.
-    """
+    """Return the loads of a range with the survey of their poses; lengths in mm, forces in N."""
     import numpy as np
 
     from analytic import survey

@@ -38,11 +38,6 @@ def prepare(
     """Return the decoder of a design, and the source of its elements' noise.
 
     If no element has a noise or a step, elements with an output in V get those of `analytic.parts.CONVERTER`.
-
-    Raises
-    ------
-    BadInput
-        `analytic.decode.decoder` refuses the design, or mode magnitude is combined with a 3-axis chip.
     """
     from analytic import decode, parts
 

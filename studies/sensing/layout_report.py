@@ -32,13 +32,7 @@ MOST_CLEARANCE = 100.0
 
 
 def run(design: Design, basis: Basis, parts: LayoutParts, progress: Progress) -> Result:
-    """Evaluate the layout, and search, answer the claim and survey a range of loads if requested.
-
-    Raises
-    ------
-    BadInput
-        The design has no magnet, a layout or range is impossible, or `layout_metrics.mechanics_of` refuses.
-    """
+    """Evaluate the layout, and search, answer the claim and survey a range of loads if requested."""
     from analytic import survey
     from studies.output.table_files import write_table
 

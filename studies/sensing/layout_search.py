@@ -74,13 +74,7 @@ def run(
     count: int,
     progress: Progress,
 ) -> list[FlatRow]:
-    """Return the design's own layout (rank 0) and up to `count` distinct layouts, the best first.
-
-    Raises
-    ------
-    BadInput
-        No layout in these ranges can be evaluated.
-    """
+    """Return the design's own layout (rank 0) and up to `count` distinct layouts, the best first."""
     names = list(bounds)
 
     def design_at(place: Place) -> Design:

@@ -47,13 +47,7 @@ DIFFERENCE = re.compile(r"difference_at_(\S+)_mm_over_noise")
 
 
 def run(design: Design, progress: Progress) -> Claim:
-    """Test the claim for the design's own layout, and for other heights of the magnet and of S2 and S3.
-
-    Raises
-    ------
-    BadInput
-        The layout is a chip, or the design's elements cannot be decoded.
-    """
+    """Test the claim for the design's own layout, and for other heights of the magnet and of S2 and S3."""
     check(design)
     claim: dict[str, list[FlatRow]] = {"forms": [], "limits": [], "heights": []}
     for k, form in enumerate(FORMS):

@@ -35,13 +35,7 @@ NOTE_EVERY = 8
 
 
 def target(out: Path, inputs: Sequence[str | Path | None]) -> Path:
-    """Return the path of the table after checking that it can be written; only an older table may be replaced.
-
-    Raises
-    ------
-    BadInput
-        The file cannot be written, is one of the inputs, or exists and was not written by this program.
-    """
+    """Return the path of the table after checking that it can be written; only an older table may be replaced."""
     file = atomic_files.check_output_file(out, ".npy")
     about = file.with_suffix(".json")
     atomic_files.check_apart([file, about], inputs)
@@ -50,13 +44,7 @@ def target(out: Path, inputs: Sequence[str | Path | None]) -> Path:
 
 
 def plan(design: Design, step: float, level: str | None, responses: Path | None) -> tuple[Forward, Grid]:
-    """Return the forward model and the grid of a table; without level and responses the magnet does not tilt.
-
-    Raises
-    ------
-    BadInput
-        The design has no magnet, the step is out of range, or the mechanics are refused.
-    """
+    """Return the forward model and the grid of a table; without level and responses the magnet does not tilt."""
     from analytic import lookup
     from analytic.inverse import forward_model, response_surface
     from studies.sensing import decode_readings
@@ -77,13 +65,7 @@ def plan(design: Design, step: float, level: str | None, responses: Path | None)
 
 
 def write(model: Forward, grid: Grid, out: Path, level: str, progress: Progress) -> FlatRow:
-    """Write the table of three dimensions, or continue it, and return its record (see `_record`).
-
-    Raises
-    ------
-    BadInput
-        The disk has too little free space.
-    """
+    """Write the table of three dimensions, or continue it, and return its record (see `_record`)."""
     import numpy as np
 
     from analytic import lookup
@@ -126,13 +108,7 @@ def write(model: Forward, grid: Grid, out: Path, level: str, progress: Progress)
 
 
 def write_plane(model: Forward, grid: Grid, out: Path, level: str) -> FlatRow:
-    """Write the table of two dimensions, B_rho and B_z over (rho, Z), and return its record (see `_record`).
-
-    Raises
-    ------
-    BadInput
-        The magnet tilts.
-    """
+    """Write the table of two dimensions, B_rho and B_z over (rho, Z), and return its record (see `_record`)."""
     import numpy as np
 
     from analytic import lookup
@@ -215,11 +191,6 @@ def read(file: Path, design: Design) -> tuple[Array, dict[str, Any]]:
     """Return the table in a file, memory-mapped, and its description from FILE.json.
 
     A table without a label of its sensor is accepted with a warning.
-
-    Raises
-    ------
-    BadInput
-        The file cannot be read, is not a table of this program, or was made for another sensor.
     """
     import numpy as np
 
