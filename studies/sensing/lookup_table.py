@@ -136,7 +136,7 @@ def _record(out: Path, poses: int, size: int, resumed: int, level: str) -> FlatR
 
 def _made_for(design: Design, tau: Any) -> design_digest.Fields:
     readings = design_digest.of_readings(design)
-    return design_digest.of_mechanics(design) | readings if any(tau) else readings
+    return design_digest.of_mechanics(design) | readings if np.any(tau) else readings
 
 
 def _about(model: Forward, grid: Grid, shape: tuple[int, ...]) -> dict[str, Any]:
