@@ -143,7 +143,7 @@ def key(content: Content | Sequence[Content]) -> str:
 
 def _exact(value: Any) -> Any:
     """Convert numbers to texts that keep every bit; an integer and the equal float have the same text."""
-    if isinstance(value, bool) or value is None or isinstance(value, str):
+    if value is None or isinstance(value, bool | str):
         return value
     if isinstance(value, int | float):
         return float(value).hex()
@@ -208,9 +208,9 @@ class Store:
 
     def counts(self) -> tuple[int, int]:
         """Return the number of paths and the number of states."""
+        query = "SELECT (SELECT COUNT(*) FROM path), (SELECT COUNT(*) FROM state)"
         with refusals(self.file):
-            (paths,) = self._connection.execute("SELECT COUNT(*) FROM path").fetchone()
-            (states,) = self._connection.execute("SELECT COUNT(*) FROM state").fetchone()
+            paths, states = self._connection.execute(query).fetchone()
         return paths, states
 
 
@@ -312,7 +312,6 @@ def _refusal(file: Path, error: sqlite3.Error) -> str:
 
 
 def _prepare(file: Path, connection: sqlite3.Connection) -> None:
-    """Check a store's version and pages; make its tables if it is empty."""
     connection.execute("PRAGMA journal_mode = WAL")
     connection.execute("PRAGMA synchronous = FULL")
     connection.execute("PRAGMA foreign_keys = ON")

@@ -13,7 +13,7 @@ import itertools
 import json
 import math
 import sqlite3
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -58,6 +58,10 @@ def _answer(place: str, unit: str = "", kind: Kind = "number") -> Field:
     return Field(False, f"json_extract(state.answer, '$.{place}'){unit}", kind)
 
 
+def _vector(place: str, unit: str, name: str) -> dict[str, Field]:
+    return {name.format(axis): _answer(f"{place}[{k}]", unit) for k, axis in enumerate("xyz")}
+
+
 FIELDS: dict[str, Field] = {
     "quantity": _content("quantity", "text"),
     "model": _content("model", "text"),
@@ -65,14 +69,12 @@ FIELDS: dict[str, Field] = {
     "accuracy": Field(True, "accuracy_name(json_extract(path.content, '$.accuracy'))", "text"),
     "magnet": _content("magnet", "text"),
     "law": _content("law[0]", "text"),
-    "law_number_1": _content("law[1]"),
-    "law_number_2": _content("law[2]"),
-    "law_number_3": _content("law[3]"),
+    **{f"law_number_{k}": _content(f"law[{k}]") for k in (1, 2, 3)},
     "nu": _content("nu"),
-    "L_over_D": _content("shape.L"),
-    "magnet_diameter_over_D": _content("shape.magnet_diameter"),
-    "magnet_height_over_D": _content("shape.magnet_height"),
-    "magnet_edge_radius_over_D": _content("shape.magnet_edge_radius"),
+    **{
+        f"{name}_over_D": _content(f"shape.{name}")
+        for name in ("L", "magnet_diameter", "magnet_height", "magnet_edge_radius")
+    },
     "friction": _content("load.friction", "text or number"),
     "grip_over_D": _content("load.grip"),
     "plate_tilt_rad": _content("load.plate_tilt"),
@@ -93,12 +95,8 @@ FIELDS: dict[str, Field] = {
     "shear_over_D": _column("shear"),
     "outcome": _column("outcome", "text"),
     "status": _column("status", "text"),
-    "force_x_over_E_D2": _answer("response.force[0]", PER_FORCE),
-    "force_y_over_E_D2": _answer("response.force[1]", PER_FORCE),
-    "force_z_over_E_D2": _answer("response.force[2]", PER_FORCE),
-    "shift_x_over_D": _answer("response.shift[0]", PER_LENGTH),
-    "shift_y_over_D": _answer("response.shift[1]", PER_LENGTH),
-    "shift_z_over_D": _answer("response.shift[2]", PER_LENGTH),
+    **_vector("response.force", PER_FORCE, "force_{}_over_E_D2"),
+    **_vector("response.shift", PER_LENGTH, "shift_{}_over_D"),
     "tilt_rad": _answer("response.tilt"),
     "tilt_y_rad": _answer("response.tilt_y"),
     "contact_radius_over_D": _answer("response.contact_radius", PER_LENGTH),
@@ -268,12 +266,7 @@ PATH_COLUMNS = (
     *("quantity", "model", "physics", "accuracy", "magnet", "law", "nu", "L_over_D"),
     *("magnet_diameter_over_D", "magnet_height_over_D", "friction"),
 )
-"""Columns of a list of paths that come from their contents."""
-TOTALS = (
-    *("states", "not_ok", "least_depth_over_D", "greatest_depth_over_D", "greatest_shear_over_D"),
-    *("seconds", "added", "key"),
-)
-"""Columns of a list of paths that come from their states, and their key."""
+"""Columns of a list of paths that come from their contents; others come from their states."""
 SUFFIXES = (".csv", ".parquet", ".jsonl")
 OUTCOMES = ("ok", "failed", "transient")
 BATCH = 10_000
@@ -361,8 +354,17 @@ def size_MB(file: Path) -> float:
     return sum(part.stat().st_size for part in parts if part.exists()) / 1e6
 
 
+def _rows(connection: sqlite3.Connection, query: str, limit: int) -> list[FlatRow]:
+    found = connection.execute(query, (limit,))
+    names = [name for name, *_ in found.description]
+    return [dict(zip(names, row, strict=True)) for row in found]
+
+
+def _named(columns: Sequence[str]) -> str:
+    return ", ".join(f"{PLACES.get(name, FIELDS[name].sql)} AS {name}" for name in columns)
+
+
 def _states(connection: sqlite3.Connection, states: str, limit: int) -> list[FlatRow]:
-    columns = ", ".join(PLACES.get(name, FIELDS[name].sql) for name in COLUMNS)
     newest = f"SELECT path, depth, shear FROM {states} ORDER BY added DESC, path DESC, depth, shear LIMIT ?"
     checked = (
         f"SELECT state.*, {DAMAGED} AS damaged FROM ({newest})"
@@ -372,30 +374,26 @@ def _states(connection: sqlite3.Connection, states: str, limit: int) -> list[Fla
         f"SELECT path, depth, shear, iif(damaged, '{CHANGED}', status) AS status,"
         " iif(damaged, NULL, answer) AS answer, seconds, added FROM checked"
     )
-    rows = connection.execute(
-        f"WITH checked AS MATERIALIZED ({checked}), state AS ({shown}) SELECT {columns} FROM state"
-        " JOIN path ON path.id = state.path"
-        " ORDER BY state.added DESC, state.path DESC, state.depth, state.shear",
-        (limit,),
+    query = (
+        f"WITH checked AS MATERIALIZED ({checked}), state AS ({shown}) SELECT {_named(COLUMNS)} FROM state"
+        " JOIN path ON path.id = state.path ORDER BY state.added DESC, state.path DESC, state.depth, state.shear"
     )
-    return [dict(zip(COLUMNS, row, strict=True)) for row in rows]
+    return _rows(connection, query, limit)
 
 
 def _paths(connection: sqlite3.Connection, states: str, limit: int) -> list[FlatRow]:
-    columns = ", ".join(FIELDS[name].sql for name in PATH_COLUMNS)
     newest = (
         "SELECT path, COUNT(*) AS states, SUM(outcome != 'ok') AS not_ok, MIN(depth) AS depth,"
         " MAX(depth) AS greatest_depth, MAX(shear) AS shear, SUM(seconds) AS seconds, MAX(added) AS added"
         f" FROM {states} GROUP BY path ORDER BY MAX(added) DESC, path DESC LIMIT ?"
     )
-    rows = connection.execute(
-        f"SELECT {columns}, states, not_ok, {of_path('depth', 'depth')}, {of_path('greatest_depth', 'depth')},"
-        f" {of_path('shear', 'shear_x')}, seconds, newest.added, key"
-        f" FROM ({newest}) AS newest JOIN path ON path.id = newest.path"
-        " ORDER BY newest.added DESC, path.id DESC",
-        (limit,),
+    query = (
+        f"SELECT {_named(PATH_COLUMNS)}, states, not_ok, {of_path('depth', 'depth')} AS least_depth_over_D,"
+        f" {of_path('greatest_depth', 'depth')} AS greatest_depth_over_D,"
+        f" {of_path('shear', 'shear_x')} AS greatest_shear_over_D, seconds, newest.added AS added, key"
+        f" FROM ({newest}) AS newest JOIN path ON path.id = newest.path ORDER BY newest.added DESC, path.id DESC"
     )
-    return [dict(zip((*PATH_COLUMNS, *TOTALS), row, strict=True)) for row in rows]
+    return _rows(connection, query, limit)
 
 
 # Export

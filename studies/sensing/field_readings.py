@@ -13,6 +13,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from geometry.design import BadInput, Design
 from geometry.loads import ANSWERED, tilts_of
 from studies.inputs import table_input, user_input
@@ -23,8 +25,6 @@ from studies.output.records import FlatRow
 from studies.output.result import Result, Table
 
 if TYPE_CHECKING:
-    import numpy as np
-
     from analytic.hall import Mode, Readings
     from geometry.arrays import Array, Vector
 
@@ -69,8 +69,6 @@ class Sensing:
 
 def sensing_of(design: Design, reading: Reading) -> Sensing:
     """Return the options of `magtip readings`; warn if a seed has no effect because the elements have no noise."""
-    import numpy as np
-
     from analytic.parts import of_design
 
     bx, by, bz = vector("--ambient", reading.ambient, 3)
@@ -94,8 +92,6 @@ def read_pose(design: Design, shift: Vector, tilt: tuple[float, float], sensing:
     noise_of_readings_T : standard deviation of a reading, from noise, converter and average.
     magnet_gap_mm, wall_gap_mm : distance of the magnet and of the beam's wall from each element.
     """
-    import numpy as np
-
     from analytic import clearance, hall
     from analytic.parts import of_design
 
@@ -218,8 +214,6 @@ def resolutions(
     if these contain no presses or no shears, if an element has no noise or lies inside the beam, or if the field is
     not the exact one.
     """
-    import numpy as np
-
     from analytic import force_resolution, parts
     from analytic.inverse import forward_model, response_surface
 
@@ -342,8 +336,6 @@ def read_rows(
     holes : read an empty cell or a NaN as NaN; default: refuse it.
     instead : for each option, the columns that it would read instead; a message suggests the option.
     """
-    import numpy as np
-
     rows = table_input.csv_rows(path)
     if not rows:
         raise BadInput(f"{path} is empty: its first line must name the columns {','.join(wanted)}")

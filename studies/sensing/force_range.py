@@ -10,6 +10,13 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from analytic import beam, survey
+from analytic.decode import Decoder
+from analytic.inverse import response_surface
+from analytic.survey import Survey
+from geometry.arrays import Array
 from geometry.design import BadInput
 from geometry.loads import Load
 from studies.inputs import user_input
@@ -18,13 +25,8 @@ from studies.sensing import decode_readings
 from studies.sensing.layout_metrics import percent_text
 
 if TYPE_CHECKING:
-    import numpy as np
     import pandas as pd
     from numpy.typing import NDArray
-
-    from analytic.decode import Decoder
-    from analytic.survey import Survey
-    from geometry.arrays import Array
 
 COUNTS = (11, 9, 16)
 """Numbers of normal forces, of tangential forces and of directions."""
@@ -75,11 +77,6 @@ def parse(text: str) -> tuple[float, float]:
 
 def loads(coder: Decoder, normal: float, tangential: float, clearance: float = 0.0) -> Loads:
     """Return the loads of a range with the survey of their poses; lengths in mm, forces in N."""
-    import numpy as np
-
-    from analytic import survey
-    from analytic.inverse import response_surface
-
     law = coder.mechanics
     assert law is not None
     counts = (COUNTS[0], COUNTS[1] if tangential else 1, COUNTS[2] if tangential else 1)
@@ -123,8 +120,6 @@ def evaluate(coder: Decoder, grid: Loads, normal: float, tangential: float, leve
     full_load_N : largest resolution over all directions of the full load, None unless all of these are usable;
         full_load_N_per_N : the same over the size of the full load.
     """
-    import numpy as np
-
     poses, sigma = grid.poses, grid.poses.axis_noise_N
     reached, usable = grid.reached, grid.poses.usable
     share = 100 * float(reached[grid.distinct].mean())
@@ -174,10 +169,6 @@ def _largest(sigma: Array) -> list[float] | None:
 
 def _force_warnings(coder: Decoder, grid: Loads, level: str) -> list[str]:
     """Return warnings: forces that differ from those of the best level, or loads outside the range of that level."""
-    import numpy as np
-
-    from analytic import beam
-
     reached = grid.reached
     if level == decode_readings.RESPONSES:
         beyond = 100 * float((~reached[grid.distinct]).mean())
@@ -200,7 +191,6 @@ def table(grid: Loads) -> pd.DataFrame:
     multiplicity : number of poses with the same readings; NaN where it was not computed.
     resolution_*_N_per_N : over the size of the force; NaN without a force.
     """
-    import numpy as np
     import pandas as pd
 
     poses, reached = grid.poses, grid.reached

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+import numpy as np
+
+from analytic import decode, parts
+from analytic.decode import Decoder
+from analytic.inverse.response_surface import Mechanics
+from analytic.survey import Survey
+from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from studies.inputs.option_groups import Basis
 from studies.output.records import FlatRow
 from studies.sensing import decode_readings
-
-if TYPE_CHECKING:
-    from analytic.decode import Decoder
-    from analytic.inverse.response_surface import Mechanics
-    from analytic.survey import Survey
-    from geometry.arrays import Array
 
 COUNTS = (25, 25, 13)
 """Numbers of poses of the map along x, y and z."""
@@ -39,8 +39,6 @@ def prepare(
 
     If no element has a noise or a step, elements with an output in V get those of `analytic.parts.CONVERTER`.
     """
-    from analytic import decode, parts
-
     if basis.mode == "magnitude" and design.hall_layout != "three":
         raise BadInput("a 3-axis chip gives only one |B|, which cannot determine a pose: leave --mode magnitude out")
     elements, source = parts.with_noise(parts.of_design(design))
@@ -106,8 +104,6 @@ def figures(poses: Survey) -> FlatRow:
     between such poses. worst_at_mm : shift of the pose with the largest noise. noise_median_axes_N,
     noise_worst_axes_N : noise of the force along x, y and z.
     """
-    import numpy as np
-
     many, usable, known = poses.multiplicity > 1, poses.usable, poses.weight > 0
     places = np.flatnonzero(usable)
     condition, micrometres, newtons = (
@@ -140,8 +136,6 @@ def figures(poses: Survey) -> FlatRow:
 
 
 def _median_and_worst(poses: Survey, values: Array) -> tuple[float | None, float | None]:
-    import numpy as np
-
     usable = values[poses.usable]
     if not len(usable):
         return None, None

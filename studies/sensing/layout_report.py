@@ -8,22 +8,24 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from analytic import survey
+from analytic.decode import Decoder
+from analytic.parts import columns
+from analytic.survey import Survey
 from geometry.design import BadInput, Design
 from geometry.loads import tilts_of
 from geometry.messages import Progress
 from studies.inputs.option_groups import Basis, LayoutParts
 from studies.output import page_templates
 from studies.output.figures import COLOURS, Figure, Guide, Look, heat, numbers, picture, plot, save, texts
+from studies.output.records import FlatRow
 from studies.output.result import Result, Table, Writer
+from studies.output.table_files import write_table
 from studies.sensing import decode_readings, force_range, layout_metrics, layout_search, layout_uniqueness
+from studies.sensing.layout_uniqueness import Claim
 
 if TYPE_CHECKING:
     import pandas as pd
-
-    from analytic.decode import Decoder
-    from analytic.survey import Survey
-    from studies.output.records import FlatRow
-    from studies.sensing.layout_uniqueness import Claim
 
 FILES = ("layout.csv", "layout.png", "search.csv", "claim.csv", "claim.png", "force_range.csv", "LAYOUT.md")
 """Files of the study; those of search, claim and range of loads only if these were requested."""
@@ -33,9 +35,6 @@ MOST_CLEARANCE = 100.0
 
 def run(design: Design, basis: Basis, parts: LayoutParts, progress: Progress) -> Result:
     """Evaluate the layout, and search, answer the claim and survey a range of loads if requested."""
-    from analytic import survey
-    from studies.output.table_files import write_table
-
     count = layout_search.USUAL if parts.count is None else parts.count
     law = layout_metrics.mechanics_of(design, basis.level, basis.responses)
     decode_readings.warn_if_upright(law, ignore_tilt=basis.ignore_tilt)
@@ -94,8 +93,6 @@ def map_table(coder: Decoder, poses: Survey) -> pd.DataFrame:
     multiplicity : number of poses with these readings; NaN if they were not searched.
     """
     import pandas as pd
-
-    from analytic.parts import columns
 
     tilt, tilt_y = tilts_of(*poses.tilt)
     flags = {"known": poses.weight > 0, "blocked": poses.blocked, "saturated": poses.saturated}
@@ -186,8 +183,6 @@ MAPS = {
 def maps(coder: Decoder, box: Survey, room: float = 0.0) -> list[Figure]:
     """Return condition number, sign of det J, multiplicity and noise over x and z: at y = 0, and the worst over y."""
     import pandas as pd
-
-    from analytic import survey
 
     x, _, z = (np.unique(axis) for axis in box.shift)
     shift = np.stack(np.meshgrid(x, [0.0], z, indexing="ij")).reshape(3, -1)

@@ -6,17 +6,16 @@ import dataclasses
 import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from analytic import survey
+from analytic.inverse.response_surface import Mechanics
 from geometry.design import BadInput, Design
 from geometry.messages import Progress
 from studies.inputs import user_input
 from studies.inputs.option_groups import Basis
 from studies.output.records import FlatRow
 from studies.sensing import layout_metrics
-
-if TYPE_CHECKING:
-    from analytic.inverse.response_surface import Mechanics
 
 MOST_FOUND, USUAL = 16, 10
 """Largest and default number of layouts that a search returns."""
@@ -179,8 +178,6 @@ def _distinct(places: Sequence[Place], apart: Sequence[float], most: int) -> lis
 
 
 def _score(design: Design, law: Mechanics, basis: Basis) -> Score:
-    from analytic import survey
-
     coder, _ = layout_metrics.prepare(design, law, basis, cells=(1, 1, 1))
     poses = survey.survey(coder, POSES, multiplicity=False, clearance=basis.clearance)
     usable = poses.usable
@@ -192,8 +189,6 @@ def _score(design: Design, law: Mechanics, basis: Basis) -> Score:
 
 
 def _row(design: Design, names: Sequence[str], law: Mechanics, basis: Basis) -> FlatRow:
-    from analytic import survey
-
     coder, _ = layout_metrics.prepare(design, law, basis)
     figures = layout_metrics.figures(survey.survey(coder, layout_metrics.COUNTS, clearance=basis.clearance))
     return {

@@ -5,18 +5,20 @@ from __future__ import annotations
 import dataclasses
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING
 
+import numpy as np
+from scipy.optimize import brentq
+
+from analytic import decode, parts, survey
+from analytic.decode import Decoder
+from analytic.hall import Mode
+from analytic.inverse.response_surface import Mechanics
+from analytic.magnet import cylinder_field
+from analytic.survey import Survey
 from geometry.design import BadInput, Design
 from geometry.messages import Progress
+from studies.output.records import FlatRow
 from studies.sensing import decode_readings, layout_metrics
-
-if TYPE_CHECKING:
-    from analytic.decode import Decoder
-    from analytic.hall import Mode
-    from analytic.inverse.response_surface import Mechanics
-    from analytic.survey import Survey
-    from studies.output.records import FlatRow
 
 FORMS: dict[str, tuple[Mode, str, bool]] = {
     "|B|, no tilt (the paper's)": ("magnitude", "paper", True),
@@ -103,8 +105,6 @@ def law_of(design: Design, form: str) -> Mechanics:
 
 def coder_of(design: Design, form: str, law: Mechanics) -> Decoder:
     """Return the decoder of a form of the readings, without rails."""
-    from analytic import decode, parts
-
     mode, _, ignored = FORMS[form]
     elements, _ = parts.with_noise(parts.of_design(design))
     open_ = [dataclasses.replace(e, low=-WIDE, high=WIDE) for e in elements]
@@ -113,17 +113,11 @@ def coder_of(design: Design, form: str, law: Mechanics) -> Decoder:
 
 def alike_figures(design: Design, form: str) -> FlatRow:
     """Return which share of the poses reads alike, and where: least and largest shift along each axis, mm."""
-    from analytic import survey
-
     return _figures(survey.survey(coder_of(design, form, law_of(design, form)), POSES))
 
 
 def _magnets(design: Design) -> Iterator[Design]:
     """Yield the design and its variants with taller magnets; l0 keeps the reading of S1 at rest."""
-    import numpy as np
-    from scipy.optimize import brentq
-
-    from analytic.magnet import cylinder_field
 
     def at_rest(height: float, l0: float) -> float:
         point = np.array([[0.0, 0.0, l0]])
@@ -142,8 +136,6 @@ def _magnets(design: Design) -> Iterator[Design]:
 
 
 def _own(design: Design, form: str) -> FlatRow:
-    from analytic import survey
-
     coder = coder_of(design, form, law_of(design, form))
     poses = survey.survey(coder, POSES)
     row = {"readings": form, **_figures(poses), "workspace_mm": [coder.low.tolist(), coder.high.tolist()]}
@@ -154,8 +146,6 @@ def _own(design: Design, form: str) -> FlatRow:
 
 
 def _figures(poses: Survey) -> FlatRow:
-    import numpy as np
-
     many = (poses.multiplicity > 1) & (poses.weight > 0)
     known = poses.weight > 0
     box = [[float(v[many].min()), float(v[many].max())] for v in poses.shift] if many.any() else [None] * 3
@@ -174,8 +164,6 @@ def _figures(poses: Survey) -> FlatRow:
 
 
 def _at(design: Design, form: str, law: Mechanics, c: float) -> FlatRow | None:
-    from analytic import survey
-
     changed = dataclasses.replace(design, c=c)
     try:
         figures = _figures(survey.survey(coder_of(changed, form, law), POSES))

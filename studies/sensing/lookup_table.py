@@ -16,19 +16,21 @@ import os
 import shutil
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import numpy as np
+
+from analytic import lookup
+from analytic.inverse import forward_model, response_surface
+from analytic.inverse.forward_model import Forward
+from analytic.lookup import Grid
 from geometry import design_digest
+from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.messages import Progress
 from studies.output import atomic_files, console, own_files
 from studies.output.records import FlatRow
-
-if TYPE_CHECKING:
-    from analytic.inverse.forward_model import Forward
-    from analytic.lookup import Grid
-    from geometry.arrays import Array
-
+from studies.sensing import decode_readings
 
 NOTE_EVERY = 8
 """Number of slabs between two notes: an interruption loses the work of at most so many slabs."""
@@ -45,10 +47,6 @@ def target(out: Path, inputs: Sequence[str | Path | None]) -> Path:
 
 def plan(design: Design, step: float, level: str | None, responses: Path | None) -> tuple[Forward, Grid]:
     """Return the forward model and the grid of a table; without level and responses the magnet does not tilt."""
-    from analytic import lookup
-    from analytic.inverse import forward_model, response_surface
-    from studies.sensing import decode_readings
-
     if not step > 0:
         raise BadInput(f"step must be more than 0 mm; got {step:g}")
     law = decode_readings.mechanics_of(design, level, responses) if level or responses else None
@@ -66,10 +64,6 @@ def plan(design: Design, step: float, level: str | None, responses: Path | None)
 
 def write(model: Forward, grid: Grid, out: Path, level: str, progress: Progress) -> FlatRow:
     """Write the table of three dimensions, or continue it, and return its record (see `_record`)."""
-    import numpy as np
-
-    from analytic import lookup
-
     shape = (*grid.shape, len(model.elements))
     about = _about(model, grid, shape)
     firsts = (("x_mm", -grid.side, grid.step), ("y_mm", -grid.side, grid.step), ("z_mm", 0.0, -grid.step))
@@ -109,10 +103,6 @@ def write(model: Forward, grid: Grid, out: Path, level: str, progress: Progress)
 
 def write_plane(model: Forward, grid: Grid, out: Path, level: str) -> FlatRow:
     """Write the table of two dimensions, B_rho and B_z over (rho, Z), and return its record (see `_record`)."""
-    import numpy as np
-
-    from analytic import lookup
-
     if model.tau[0].any():
         raise BadInput("--plane needs a magnet without tilt: leave out --level and --responses")
     table, first = lookup.meridian_table(model, grid)
@@ -192,8 +182,6 @@ def read(file: Path, design: Design) -> tuple[Array, dict[str, Any]]:
 
     A table without a label of its sensor is accepted with a warning.
     """
-    import numpy as np
-
     try:
         about = json.loads(file.with_suffix(".json").read_text("utf-8"))
         table = np.load(file, mmap_mode="r")
