@@ -12,14 +12,16 @@ import math
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from analytic.hall import batch_readings
 from analytic.relaxation_loops import loop
 from analytic.time_series import RelaxingForce
-from fem.analyses.timed_path import TimedState
+from fem.accuracy import LEVELS
+from fem.analyses.timed_path import TimeControl, TimedState, ViscousLaw, follow
+from fem.equilibrium import trace
 from geometry.arrays import Array
 from geometry.bad_input import OutOfReach
 from geometry.design import BadInput, Design
@@ -28,9 +30,6 @@ from geometry.messages import Progress
 from geometry.relaxation import moduli, relaxation_of
 from studies.mechanics.cycle_motion import Motion, Phase, Stop, stops
 from studies.output.records import FlatRow
-
-if TYPE_CHECKING:
-    from fem.analyses.timed_path import ViscousLaw
 
 STEPS = 32
 """Least number of time steps of a stroke, so that the area of its loop is accurate to some tenths of a percent."""
@@ -329,9 +328,6 @@ def static_curve(design: Design, motion: Motion, accuracy: str, magnet: Magnet) 
 
     Poses do not depend on the modulus, so the relaxed forces are those of E times the long-term modulus over E.
     """
-    from fem.accuracy import LEVELS
-    from fem.equilibrium import trace
-
     way = motion.shear or motion.depth
     shares = np.linspace(0, 1, CURVE + 1)[1:]
     loads = [
@@ -419,9 +415,6 @@ def _follow(
     tolerance: float,
     progress: Progress,
 ) -> Iterator[tuple[Stop, TimedState, bool]]:
-    from fem.accuracy import LEVELS
-    from fem.analyses.timed_path import TimeControl, follow
-
     path = stops(motion)
     check_load(design, motion.largest, magnet)
     ahead = iter(path)

@@ -18,12 +18,16 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal
 
+import numpy as np
+
+from fem import physics_version
+from fem.accuracy import LEVELS
 from geometry.bad_input import nearest
 from geometry.design import BadInput
 from geometry.messages import Progress
 from studies.inputs.option_groups import Selection
 from studies.mechanics import store
-from studies.output import atomic_files
+from studies.output import atomic_files, provenance, table_files
 from studies.output.records import FlatRow
 
 Kind = Literal["text", "number", "whole number", "text or number"]
@@ -133,8 +137,6 @@ def register(connection: sqlite3.Connection) -> None:
 @functools.cache
 def accuracy_name(values: str | None) -> str | None:
     """Return the name of the accuracy level with these values (JSON), or other."""
-    from fem.accuracy import LEVELS
-
     if values is None:
         return None
     wanted = json.loads(values)
@@ -232,11 +234,9 @@ def _utc(option: str, text: str) -> str:
 
 def current_physics(sign: Literal["<", "=", ">"]) -> str:
     """Return a condition on `path`: its physics version against the program's, which is 0 for an unknown model."""
-    from fem.physics_version import PHYSICS
-
     # a quantity with a version of its own comes before the model that computes it
-    names = [(FIELDS[column].sql, name) for column in ("quantity", "model") for name in PHYSICS]
-    cases = [f"WHEN {sql} = '{name}' THEN {PHYSICS[name]}" for sql, name in names]
+    names = [(FIELDS[column].sql, name) for column in ("quantity", "model") for name in physics_version.PHYSICS]
+    cases = [f"WHEN {sql} = '{name}' THEN {physics_version.PHYSICS[name]}" for sql, name in names]
     return f"{FIELDS['physics'].sql} {sign} CASE {' '.join(cases)} ELSE 0 END"
 
 
@@ -442,10 +442,6 @@ def _writer(out: Path, file: Path) -> Iterator[Callable[[StateRows], None]]:
                 atomic_files.json_line(dict(zip(FIELDS, row, strict=True))) + "\n" for row in rows
             )
         return
-    import numpy as np
-
-    from studies.output import provenance, table_files
-
     about = {"store": str(file), "versions": provenance.versions()}
     with table_files.writer(out, digits=DIGITS, about=about) as write:
         yield lambda rows: write(

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-
-if TYPE_CHECKING:
-    from PIL import Image
-    from PIL.ImageDraw import ImageDraw
+from PIL import Image, ImageDraw, ImageFont
 
 Point = tuple[float, float]
 Mask = NDArray[np.bool_]
@@ -39,8 +36,6 @@ def annotate(image: Image.Image, names: Mapping[str, Point], axes: Mapping[str, 
     names : label and the point at which its leader line ends.
     axes : name of each axis and its direction in the picture, of length 1 if it lies in the picture's plane.
     """
-    from PIL import ImageDraw, ImageFont
-
     draw, font = ImageDraw.Draw(image), ImageFont.load_default(SIZE)
     taken = np.asarray(image.convert("L")) < 255
     rows, columns = np.flatnonzero(taken.any(axis=1)), np.flatnonzero(taken.any(axis=0))
@@ -86,7 +81,7 @@ def free_place(taken: Mask, tip: Point, size: tuple[float, float]) -> Point | No
     return None
 
 
-def _leader(draw: ImageDraw, tip: Point, place: Point, half_x: float, half_y: float) -> None:
+def _leader(draw: ImageDraw.ImageDraw, tip: Point, place: Point, half_x: float, half_y: float) -> None:
     """Draw a line from a dot at the tip to the border of the label; a white rim makes it visible on dark parts."""
     x, y = place[0] - tip[0], place[1] - tip[1]
     share = 1 - min(half_x / abs(x) if x else math.inf, half_y / abs(y) if y else math.inf)
@@ -96,7 +91,7 @@ def _leader(draw: ImageDraw, tip: Point, place: Point, half_x: float, half_y: fl
         draw.ellipse([tip[0] - dot, tip[1] - dot, tip[0] + dot, tip[1] + dot], fill=colour)
 
 
-def _arrow(draw: ImageDraw, start: Point, end: Point) -> None:
+def _arrow(draw: ImageDraw.ImageDraw, start: Point, end: Point) -> None:
     draw.line([start, end], fill=INK, width=2)
     x, y = end[0] - start[0], end[1] - start[1]
     length = math.hypot(x, y)

@@ -9,20 +9,21 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+import pyvista as pv
 from numpy.typing import NDArray
+from vtkmodules.vtkCommonCore import vtkLogger
 
+from fem.results import revolved_body
+from fem.results.revolved_body import Body
+from fem.solution import Solution
 from geometry.arrays import Array
 from geometry.design import Design
 from geometry.loads import Magnet
 from studies.output.atomic_files import atomic
 from studies.output.vtk_files import spatial
-
-if TYPE_CHECKING:
-    from fem.results.revolved_body import Body
-    from fem.solution import Solution
 
 SIZE = (1500, 1200)
 """Width and height of a picture, pixels."""
@@ -70,8 +71,6 @@ class _Picture:
     """
 
     def __init__(self, design: Design, solution: Solution) -> None:
-        import pyvista as pv
-
         quiet()
         cut = cut_of(solution)
         self.slope = solution.load.direction[0] * math.tan(solution.load.plate_tilt)
@@ -183,14 +182,10 @@ class _Picture:
         self.plotter.renderer.reset_camera_clipping_range()
 
     def _polygon(self, outline: Array, towards: float, color: str) -> None:
-        import pyvista as pv
-
         faces = [len(outline), *range(len(outline))]
         self.plotter.add_mesh(pv.PolyData(_in_section(outline, towards), faces=faces), color=color, lighting=False)
 
     def _line(self, outline: Array, towards: float, width: int) -> None:
-        import pyvista as pv
-
         line = pv.lines_from_points(_in_section(outline, towards), close=True)
         self.plotter.add_mesh(line, color=_DARK, line_width=width, lighting=False)
 
@@ -220,8 +215,6 @@ def plane_name(solution: Solution) -> str:
 
 def quiet() -> None:
     """Suppress VTK's warning that there is no display; it then draws without one."""
-    from vtkmodules.vtkCommonCore import vtkLogger
-
     vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_ERROR)
 
 
@@ -279,8 +272,6 @@ def cut_of(solution: Solution) -> Cut:
 
     The section of an axisymmetric body is mirrored; the tetrahedra of a body without a plane of symmetry are cut.
     """
-    from fem.results import revolved_body
-
     solid = revolved_body.revolve(solution.field)
     if not revolved_body.mirrored(solution):
         x, y = solution.load.direction
@@ -385,8 +376,6 @@ def surface(corners: Array, value: Array) -> Any:
 
     `value`: values at the nodes, shape (m, 6); the points of the surface get their interpolation.
     """
-    import pyvista as pv
-
     grid = [(i, j) for i in range(PIECES + 1) for j in range(PIECES + 1 - i)]
     number = {pair: k for k, pair in enumerate(grid)}
     a, b = np.array(grid, dtype=float).T / PIECES
@@ -403,8 +392,6 @@ def surface(corners: Array, value: Array) -> Any:
 
 def lines(edges: Array, towards: float) -> Any:
     """Return the curves through three nodes of each edge, shape (k, 3, 3), moved by `towards` mm to the viewer."""
-    import pyvista as pv
-
     t = np.linspace(0, 1, PIECES + 1)
     shape = np.stack([(1 - t) * (1 - 2 * t), 4 * t * (1 - t), t * (2 * t - 1)])
     points = np.einsum("kp,eki->epi", shape, edges) - [0.0, towards, 0.0]
