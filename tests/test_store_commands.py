@@ -254,7 +254,7 @@ def test_damaged_states_are_removed(file):
 
 # Checks: each finds its own damage, and only that; a state solved again comes out as it is stored.
 
-NAMES = list(store_check.CHECKS)
+NAMES = list(store_check.queries())
 
 
 def failures(file):

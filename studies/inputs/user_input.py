@@ -5,6 +5,7 @@ Input that cannot be used raises a `BadInput` here, whose message is one sentenc
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import math
 import re
@@ -73,15 +74,13 @@ def parse_choices(option: str, texts: Sequence[str], kind: type) -> dict[str, An
     names = [spec.name for spec in dataclasses.fields(kind)]
     choices = pairs(option, texts, f"{names[-1]}=2")
     check_keys(option, choices, names)
-    return {key: _as_number(value) for key, value in choices.items()}
-
-
-def _as_number(text: str) -> float | str:
-    try:
-        value = float(text)
-    except ValueError:
-        return text
-    return int(value) if value.is_integer() else value
+    found: dict[str, Any] = dict(choices)
+    for key, text in choices.items():
+        with contextlib.suppress(ValueError):
+            value = float(text)
+            # a whole number, even if it is written 1e9 or 3.0
+            found[key] = int(value) if value.is_integer() else value
+    return found
 
 
 def pairs(option: str, texts: Sequence[str], example: str) -> dict[str, str]:

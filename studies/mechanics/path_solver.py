@@ -97,9 +97,7 @@ def place(scene: Scene, kind: Kind = "states", motion: PlateMotion = STILL) -> P
     if kind == "cycle":
         timed_quantities.cycle_of(along_x, motion)
         return Place(along_x, kind, (0.0, 0.0), motion=motion)
-    at_rest = timed_quantities.rest_scene(along_x)
-    timed_quantities.check_frequency(at_rest, motion.frequency)
-    return Place(at_rest, kind, (0.0, 0.0))
+    return Place(timed_quantities.rest_scene(along_x, motion.frequency), kind, (0.0, 0.0))
 
 
 def _canonical(scene: Scene, load: Load) -> tuple[Load, tuple[float, float]]:

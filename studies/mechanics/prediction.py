@@ -214,22 +214,28 @@ class Beams:
             possible &= depth <= self.stable_to()[:, None] + 1e-9
         depth = np.where(possible, depth, np.nan)
         columns, which = np.unique(np.nan_to_num(depth), axis=1, return_inverse=True)
-        forms, widths = self._sheared(np.where(columns > 0, columns, np.nan))
+        (n, k), nodes = columns.shape, len(SHEAR_NODES)
+        distinct = np.where(columns > 0, columns, np.nan).ravel()
+        x = shear_features(np.repeat(self.features, k, axis=0), np.nan_to_num(distinct, nan=0.1))
+        region, groups = shear_region(np.repeat(self.region, k), distinct), self.surrogate.groups
+        found = _at_nodes(groups["shear"], x, region) | _at_nodes(groups["shear_skin"], x, region)
+        # forms at the nodes, and relative half widths, (n, k, nodes) each
+        forms, widths = (
+            {name: pair[part].reshape(n, k, nodes)[:, which.ravel()] for name, pair in found.items()}
+            for part in (0, 1)
+        )
         s = np.where(possible, shear, np.nan)
         square = (s / self.farthest[:, None]) ** 2
         pressed = self.press(depth)
         # polynomials in the square of the shear
         powers = square[..., None] ** np.arange(len(SHEAR_NODES))
         to_powers = np.linalg.inv(np.vander(np.array(SHEAR_NODES) ** 2, increasing=True)).T
-        parts = {name: np.einsum("nkj,nkj->nk", powers, forms[name][:, which.ravel()] @ to_powers) for name in SHEAR}
+        parts = {name: np.einsum("nkj,nkj->nk", powers, forms[name] @ to_powers) for name in SHEAR}
         press = {name: pressed[name].value for name in ("force", "shift")}
         values = shear_values(parts, self.L[:, None], depth, s, press)
         rods = yardsticks(values)
         root = np.sqrt(square)
-        return {
-            name: Quantity(values[name], rods[name] * _linear_over_shears(widths[name][:, which.ravel()], root))
-            for name in SHEAR
-        }
+        return {name: Quantity(values[name], rods[name] * _linear_over_shears(widths[name], root)) for name in SHEAR}
 
     def critical_depth(self) -> Quantity:
         """Return the depths over D at which frictionless presses buckle sideways, shape (n,).
@@ -294,16 +300,6 @@ class Beams:
         logs, widths = _at_nodes(self.surrogate.groups["mode"], x, self.region)["frequency"]
         value = np.where(self.inside & (ratio >= low) & (ratio <= high), np.exp(logs[:, 0]), np.nan)
         return Quantity(value, value * widths[:, 0])
-
-    def _sheared(self, depth: Array) -> tuple[dict[str, Array], dict[str, Array]]:
-        """Return forms of the shear at its nodes, and relative half widths, (n, k, nodes) each, by quantity."""
-        n, k = depth.shape
-        x = shear_features(np.repeat(self.features, k, axis=0), np.nan_to_num(depth.ravel(), nan=0.1))
-        region, groups = shear_region(np.repeat(self.region, k), depth.ravel()), self.surrogate.groups
-        found = _at_nodes(groups["shear"], x, region) | _at_nodes(groups["shear_skin"], x, region)
-        nodes = len(SHEAR_NODES)
-        forms = {name: values.reshape(n, k, nodes) for name, (values, _) in found.items()}
-        return forms, {name: widths.reshape(n, k, nodes) for name, (_, widths) in found.items()}
 
     def _can_press(self, depth: Array) -> NDArray[np.bool_]:
         inside = self.inside[:, None] & (depth >= surrogate_range.SHALLOWEST - 1e-12)

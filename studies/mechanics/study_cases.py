@@ -220,7 +220,10 @@ class Cases:
 
     def batch(self, cases: NDArray[np.int64]) -> Batch:
         """Return the cases of these indices, shape (n,)."""
-        plan, points = self.plan, self._points(cases)
+        plan = self.plan
+        points = [
+            cases // stride % factor.count for stride, factor in zip(self._strides(), plan.factors, strict=True)
+        ]
         axes = {
             name: values[point]
             for factor, columns, point in zip(plan.factors, self._values, points, strict=True)
@@ -267,11 +270,6 @@ class Cases:
     def _strides(self) -> list[int]:
         counts = [factor.count for factor in self.plan.factors]
         return [math.prod(counts[k + 1 :]) for k in range(len(counts))]
-
-    def _points(self, cases: NDArray[np.int64]) -> list[NDArray[np.int64]]:
-        return [
-            cases // stride % factor.count for stride, factor in zip(self._strides(), self.plan.factors, strict=True)
-        ]
 
     def _distinct(
         self, kind: str, points: Sequence[NDArray[np.int64]]

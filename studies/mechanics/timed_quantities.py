@@ -83,8 +83,11 @@ GRID = 300
 """Frequencies at which the stiffness is stored: the spline is then within 1e-4 of the gain at a peak with Q = 10."""
 
 
-def rest_scene(scene: Scene) -> Scene:
-    """Return the scene that is solved: the design with its modulus at rest, and a model that its load chooses."""
+def rest_scene(scene: Scene, frequency: float | None = None) -> Scene:
+    """Return the scene that is solved: the design with its modulus at rest, and a model that its load chooses.
+
+    A frequency, Hz, must lie in its band.
+    """
     from fem.analyses.vibration import check_vibration, relaxed
 
     design, (load,) = scene.design, scene.loads
@@ -94,7 +97,15 @@ def rest_scene(scene: Scene) -> Scene:
             "out grip, plate_tilt, a friction coefficient and shear_y (magtip response takes them)"
         )
     at_rest = replace(relaxed(design, relaxation_of(design)), modulus="long-term")
-    check_vibration(at_rest, scene.loads[0], band(at_rest, scene.accuracy), scene.accuracy)
+    low, high = band(at_rest, scene.accuracy)
+    check_vibration(at_rest, load, (low, high), scene.accuracy)
+    if frequency is not None and not low <= frequency <= high:
+        beyond = "change loss_low or loss_high, or the accuracy"
+        remedy = f"take {low:.4g} Hz or more" if frequency < low <= LOWEST else beyond
+        raise BadInput(
+            f"the response is known from {low:.4g} to {high:.4g} Hz, for which the silicone's branches speak and "
+            f"the mesh is fine enough; got {frequency:g} Hz: {remedy}"
+        )
     return replace(scene, design=at_rest, model="auto")
 
 
@@ -119,18 +130,6 @@ def unit_of(at_rest: Design) -> float:
     from fem.analyses.modes import frequency_unit
 
     return frequency_unit(at_rest)
-
-
-def check_frequency(scene: Scene, frequency: float | None) -> None:
-    """Refuse a frequency, Hz, outside the band of a scene at rest."""
-    low, high = band(scene.design, scene.accuracy)
-    if frequency is not None and not low <= frequency <= high:
-        beyond = "change loss_low or loss_high, or the accuracy"
-        remedy = f"take {low:.4g} Hz or more" if frequency < low <= LOWEST else beyond
-        raise BadInput(
-            f"the response is known from {low:.4g} to {high:.4g} Hz, for which the silicone's branches speak and "
-            f"the mesh is fine enough; got {frequency:g} Hz: {remedy}"
-        )
 
 
 def response_content(scene: Scene) -> dict[str, Any]:

@@ -31,23 +31,6 @@ LOCK = ".magtip.lock"
 """Name of the lock file in a folder that is being filled, and suffix of the lock file of a single output file."""
 
 
-def output_folder(path: str | Path) -> Path:
-    """Make the folder if it does not exist, check that files can be written into it, and return it."""
-    folder = Path(path)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
-            pass
-    except (FileExistsError, NotADirectoryError):
-        raise BadInput(
-            f"the output folder {str(path)!r} cannot be made, because it or one of its parents is a file: "
-            "choose another name"
-        ) from None
-    except (OSError, ValueError) as error:
-        raise BadInput(f"cannot write to the folder {str(path)!r} ({_cause(error)}): choose another folder") from None
-    return folder
-
-
 @contextlib.contextmanager
 def filled(path: str | Path, names: Iterable[str] = ()) -> Iterator[Path]:
     """Yield the output folder, locked for this process; a folder that is made here is deleted if it stays empty.
@@ -90,14 +73,28 @@ def _locked(file: Path, what: str) -> Iterator[None]:
 
 @contextlib.contextmanager
 def _folder_made(path: str | Path) -> Iterator[Path]:
-    new = [folder for folder in (Path(path), *Path(path).parents) if not os.path.lexists(folder)]
+    """Yield a folder, made if it does not exist, into which files can be written."""
+    folder = Path(path)
+    new = [each for each in (folder, *folder.parents) if not os.path.lexists(each)]
     try:
-        yield output_folder(path)
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            with tempfile.TemporaryFile(dir=folder):
+                pass
+        except (FileExistsError, NotADirectoryError):
+            raise BadInput(
+                f"the output folder {str(path)!r} cannot be made, because it or one of its parents is a file: "
+                "choose another name"
+            ) from None
+        except (OSError, ValueError) as error:
+            cause = _cause(error)
+            raise BadInput(f"cannot write to the folder {str(path)!r} ({cause}): choose another folder") from None
+        yield folder
     finally:
         # rmdir refuses a folder that holds anything, so only empty ones go
-        for folder in new:
+        for each in new:
             with contextlib.suppress(OSError):
-                folder.rmdir()
+                each.rmdir()
 
 
 @contextlib.contextmanager

@@ -279,7 +279,9 @@ def cut_of(solution: Solution) -> Cut:
     u = spatial(solid.u)
     x = spatial(solid.mesh.doflocs.T)
     nodes = _triangles(solid.mesh)
-    ends = _outline(nodes)
+    sides = np.concatenate([nodes[:, [0, 3, 1]], nodes[:, [1, 4, 2]], nodes[:, [0, 5, 2]]])
+    _, first, count = np.unique(sides[:, 1], return_index=True, return_counts=True)
+    ends = sides[first[count == 1]]
     edges = np.stack([x[ends], (x + u)[ends]], axis=1)
     rest, moved, values = x[nodes], (x + u)[nodes], np.linalg.norm(u, axis=1)[nodes]
     # an axisymmetric mesh ends at the axis, and its edges there are no outline
@@ -363,12 +365,6 @@ def _triangles(mesh: Any) -> NDArray[np.int64]:
     sides = np.concatenate([nodes[face] for face in faces], axis=1)
     flat = np.abs(mesh.doflocs[1, sides]).max(axis=0) < 1e-9 * np.abs(mesh.doflocs).max()
     return sides[:, flat].T
-
-
-def _outline(triangles: NDArray[np.int64]) -> NDArray[np.int64]:
-    edges = np.concatenate([triangles[:, [0, 3, 1]], triangles[:, [1, 4, 2]], triangles[:, [0, 5, 2]]])
-    _, first, count = np.unique(edges[:, 1], return_index=True, return_counts=True)
-    return np.asarray(edges[first[count == 1]])
 
 
 def surface(corners: Array, value: Array) -> Any:

@@ -67,22 +67,21 @@ def writer(path: str | Path, *, digits: int = 6, about: Mapping[str, str] | None
 def _csv(file: Path, digits: int) -> Iterator[Write]:
     with file.open("w", encoding="utf-8", newline="") as stream:
         lines, head = csv.writer(stream, lineterminator="\n"), list[str]()
+        pattern = f"%.{digits}g"
+
+        def cells(values: NDArray[Any]) -> list[str]:
+            if values.dtype.kind == "f":
+                return ["" if value != value else pattern % value for value in values.tolist()]
+            return ["" if value is None or value != value else str(value) for value in values.tolist()]
 
         def write(batch: Columns) -> None:
             if not head:
                 head.extend(batch)
                 lines.writerow(head)
             # column by column: one format for many values is ten times as fast as a choice for each cell
-            lines.writerows(zip(*(_cells(batch[name], digits) for name in head), strict=True))
+            lines.writerows(zip(*map(cells, (batch[name] for name in head)), strict=True))
 
         yield write
-
-
-def _cells(values: NDArray[Any], digits: int) -> list[str]:
-    if values.dtype.kind == "f":
-        pattern = f"%.{digits}g"
-        return ["" if value != value else pattern % value for value in values.tolist()]
-    return ["" if value is None or value != value else str(value) for value in values.tolist()]
 
 
 @contextlib.contextmanager
