@@ -84,7 +84,6 @@ class Factor:
 
     Attributes
     ----------
-    names : the axes.
     values : for each axis all its values, one for each point; of a table that is given, arrays.
     sampled : whether the points are a sample of a box.
     """
@@ -285,12 +284,7 @@ class Study:
     Attributes
     ----------
     design : name of a preset, or path of a design's TOML file, relative to the current folder.
-    fields : fields of the design that the study replaces.
-    factors : what varies; every combination of the factors' points is a case.
-    load : fields of the load that do not vary.
-    models : accuracies and formula levels.
     tolerance : largest relative error, which chooses the model of each case.
-    quantities : what the rows have.
     """
 
     design: str

@@ -118,10 +118,7 @@ def _finite(text: str) -> float:
 class State:
     """One line of the file.
 
-    Attributes
-    ----------
-    line : number of the line, from 1.
-    load, response : None if the solve failed and the line has no pose.
+    `load`, `response`: None if the solve failed and the line has no pose.
     """
 
     line: int

@@ -292,7 +292,6 @@ def quantity(name: str, value: object, unit: str, low: float = -math.inf, high: 
 
     Parameters
     ----------
-    name : of the value, for messages.
     unit : one of the keys of `UNITS`; with "1" a number is a fraction, and a text may be in %.
     low, high : least and largest value in `unit`, both allowed.
 

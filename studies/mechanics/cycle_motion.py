@@ -33,10 +33,7 @@ class Motion:
     ----------
     depth : of the press, mm.
     shear : largest shear along x, mm; 0 for a press.
-    friction : as in `Load`.
     frequency : strokes to and fro per second without the holds, Hz.
-    waveform : triangle or sine.
-    cycles : number of cycles.
     hold : rest at each end of the stroke, s.
     """
 

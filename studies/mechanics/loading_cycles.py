@@ -258,8 +258,6 @@ class Cycles:
     ----------
     law : "prony" or "finite", see `fem.model.viscoelasticity`.
     status, message : "ok", "unstable" with the first such state, or why the path ended.
-    unit : unit of the outputs.
-    seconds : processor time.
     """
 
     law: str

@@ -108,12 +108,10 @@ class Choice:
 
     Attributes
     ----------
-    model_kind : formulas, surrogate or finite elements.
     level_or_accuracy : level of the formulas, accuracy of the finite elements, or "shipped" for the surrogate.
     model : model of the finite elements, "formula" for formulas, "surrogate" for the surrogate.
     bound : largest expected error of force, shift, tilt, readings and, with a shear, the force along it: a fraction.
     sideways : expected error of the force along the shear, over the larger one of it and that of the unpressed beam.
-    reason : one sentence.
     tolerance : that is asked for; NaN if none is.
     """
 
@@ -210,7 +208,6 @@ def choose(
     ----------
     tolerance : largest relative error of force, shift, tilt, readings and force along a shear, between 0 and 1.
     formulas : whether formulas and the surrogate may be chosen, which compute no deformed body.
-    rule : default: the shipped one.
     """
     if not 0 < tolerance < 1:
         raise BadInput(f"tolerance must lie between 0 and 1; got {tolerance:g}")

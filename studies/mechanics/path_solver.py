@@ -64,7 +64,6 @@ class Place:
     Attributes
     ----------
     scene : the case as it is solved, with a single load.
-    at : position on the path.
     direction : direction of the case's shear, to which the answer is turned.
     motion : of the plate, of cycles only; other answers do not depend on it.
     """
@@ -212,7 +211,6 @@ class Task:
     number : number of the path in its study, from 1.
     scene : the missing states as loads, in rising order; their design is that of the path's first case.
     solved : positions of the path that are stored already, from which smaller steps can start.
-    motion : of the plate, of cycles.
     """
 
     number: int

@@ -85,9 +85,7 @@ class Target:
     ----------
     key, at, direction : key of its path, position there, direction of the shear; the key of an impossible problem, or
         of one that a formula or the surrogate answers, is empty.
-    message : why the problem is impossible.
     formula : the answer of a level of the formulas, or of the surrogate.
-    choice : the model that a tolerance has chosen.
     """
 
     key: str

@@ -73,13 +73,9 @@ class Plan:
 
     Attributes
     ----------
-    design : base design.
     factors : what varies; the last factor varies fastest.
-    load : fields of the load that do not vary.
     magnet : model of the magnet where it is no axis.
     fem : finite-element models, the surrogate before them, coarsest first; the last one is the reference.
-    formulas : levels of the formulas.
-    quantities : what the rows have.
     truth : name of the model that errors are taken against; default: the reference, if there is one.
     """
 
@@ -164,7 +160,6 @@ class Batch:
     axes : values of each axis, shape (n,).
     E : Young's modulus of each case, shape (n,), MPa.
     sensors, sensor : the distinct sensors, None where impossible, and the index of each case's sensor, shape (n,).
-    sensor_messages : why a sensor is impossible, "" where it is possible.
     codes, problems, problem : the distinct problems with their codes, and the index of each case's problem, (n,).
     """
 

@@ -144,12 +144,8 @@ REMEDY = "build it again with `magtip validate surrogate`, or take finite elemen
 class Group:
     """A Gaussian process of several quantities at several nodes.
 
-    Attributes
-    ----------
-    quantities : names of the quantities.
-    nodes : number of nodes of each quantity.
-    quantiles : by quantity, 90 % quantile of the errors of training beams that were left out, over g and over the
-        yardstick of the quantity (see `studies.mechanics.prediction`), by region and node, shape (regions, nodes).
+    `quantiles`: by quantity, 90 % quantile of the errors of training beams that were left out, over g and over the
+    yardstick of the quantity (see `studies.mechanics.prediction`), by region and node, shape (regions, nodes).
     """
 
     process: GaussianProcess

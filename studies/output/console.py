@@ -163,7 +163,6 @@ def stream(
     ----------
     keys : columns of a table that is not wide.
     count : how many records are expected; a single one is printed with one value to a line.
-    brief, first, wide : as in `report`.
     """
     printed: list[dict[str, Any]] = []
     rows: _Stream | None = None

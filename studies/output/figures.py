@@ -327,7 +327,6 @@ def long(
     Parameters
     ----------
     x : column of the horizontal axis, and its label.
-    y : label of the vertical axis.
     columns : label of each column; those that are missing are left out.
     kind : column of the labels, "series" or "panel".
     """

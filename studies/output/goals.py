@@ -13,11 +13,9 @@ class Goal:
 
     Attributes
     ----------
-    name : what was measured, where and on what.
     value : None or NaN where nothing could be measured.
     bound : largest value, or least one if `at_least`.
     count : number of cases from which the value follows; without cases it says nothing.
-    unit : of value and bound.
 
     >>> Goal("largest error", 0.4, 1.0, 12, "%").met, Goal("largest error", math.nan, 1.0, 12, "%").met
     (True, False)

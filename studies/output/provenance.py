@@ -47,11 +47,7 @@ class Run:
 def write(folder: Path, command: str, design: Mapping[str, Any], origin: str = "") -> None:
     """Write the record of a run into its folder.
 
-    Parameters
-    ----------
-    command : command line from `studies.cli.parameters.command`.
-    design : fields of the design that was studied.
-    origin : text from `versions`; default: the present one.
+    `origin`: text from `versions`; default: the present one.
     """
     sentence = made(command, origin or versions())
     record = {"format": FORMAT, "command": command, "made": sentence, "design": dict(design)}

@@ -78,7 +78,6 @@ class Result:
 
     Attributes
     ----------
-    title : of the records.
     records : the objects that --json prints, one on a line.
     shown : what the terminal shows instead; default: the records as a table.
     tables : rows by the name of their CSV file without suffix; `digits` are significant.
@@ -121,7 +120,6 @@ class Destination:
     inputs : files that the study reads, which no output may replace.
     names : names of all files that the study may write. What an earlier run left of them, and this one does not
         write, is deleted.
-    wide : whether tables show all columns.
     """
 
     command: str = ""

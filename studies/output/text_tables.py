@@ -67,11 +67,7 @@ VECTOR = 3
 class Column:
     """A column of a table.
 
-    Attributes
-    ----------
-    head : name and unit.
-    cells : values as they are shown.
-    breaks : whether cells may be broken between words.
+    `breaks`: whether cells may be broken between words.
     """
 
     head: str
@@ -277,10 +273,7 @@ def markdown(
 ) -> str:
     """Return a Markdown table of rows, or the text for none.
 
-    Parameters
-    ----------
-    heads : columns that are shown, in order, with their heads; default: all columns of the first row.
-    digits : significant digits of floats.
+    `heads`: columns that are shown, in order, with their heads; default: all columns of the first row.
 
     >>> print(markdown([{"tip": "free", "E_MPa": 0.59871, "met": True}, {"tip": "held", "E_MPa": None}]))
     | tip | E_MPa | met |

@@ -55,7 +55,6 @@ class Sensing:
 
     Attributes
     ----------
-    level : of the model of the magnetic field.
     mode : "component" for B.n, which an element measures, or "magnitude" for the paper's |B|.
     ambient : uniform ambient field, T.
     noise : random generator for one sample of the elements' noise at each pose; None for no noise.

@@ -56,10 +56,7 @@ def prepare(
 def layout_row(coder: Decoder, poses: Survey, noise: str, mechanics: str) -> FlatRow:
     """Return all figures of a layout from its survey, with its elements and the settings of the evaluation.
 
-    Parameters
-    ----------
-    noise : source of the elements' noise.
-    mechanics : name of the source of tilt and force: a level, or states.
+    `mechanics`: name of the source of tilt and force: a level, or states.
     """
     design, elements = coder.forward.design, coder.forward.elements
     three = design.hall_layout == "three"
