@@ -152,12 +152,23 @@ def outputs_of(design: Design, shifts: Array, tilts: Array) -> Array:
 def with_readings(
     design: Design, passed: Sequence[tuple[Stop, TimedState, bool]], static: Static
 ) -> list[CycleState]:
-    """Return the states with their outputs and decoded forces."""
+    """Return the states with their outputs and decoded forces; those of a calibrated sensor have its own forces."""
+    responses = [state.solution.response for _, state, _ in passed]
+    shifts = np.array([response.shift for response in responses])
     if static.made is not None:
-        return _of_made_sensor(design, passed, static.made)
-    curve = static.curve
-    shifts = np.array([state.solution.response.shift for _, state, _ in passed])
-    outputs = outputs_of(design, shifts, np.array([state.solution.response.tilt for _, state, _ in passed]))
+        turned, pushed = (np.array([getattr(one, name) for one in responses]) for name in ("rotation", "force"))
+        answers = static.made(design, np.array([state.time for _, state, _ in passed]), shifts, turned, pushed)
+        axis = 0 if any(state.solution.load.shear_x for _, state, _ in passed) else 2
+        columns = (each[:, axis].tolist() for each in (answers.decoded, answers.observed, answers.half_width))
+        states = []
+        for (stop, state, at_stop), own, outputs, *along in zip(
+            passed, answers.force.tolist(), answers.outputs, *columns, strict=True
+        ):
+            response = replace(state.solution.response, force=tuple(own))
+            felt = replace(state, solution=replace(state.solution, response=response))
+            states.append(CycleState(stop, felt, at_stop, outputs, *along))
+        return states
+    curve, outputs = static.curve, outputs_of(design, shifts, np.array([response.tilt for response in responses]))
     loads, axis = (np.full((len(passed), 3), np.nan), 0) if curve is None else (curve.decode(outputs), curve.axis)
     # the curve is that of the strokes: it knows no press before a shear
     loads[[stop.phase == "press" and not state.solution.load.shear_x for stop, state, _ in passed]] = np.nan
@@ -168,21 +179,6 @@ def with_readings(
         x, z, shear = load
         observed = law.step(state.time, np.array([x, 0.0, z]) / law.slow, np.array([shear, 0.0]))[[0, 2]]
         states.append(CycleState(stop, state, at_stop, one, float(load[axis]), float(observed[axis])))
-    return states
-
-
-def _of_made_sensor(design: Design, passed: Sequence[tuple[Stop, TimedState, bool]], made: Made) -> list[CycleState]:
-    responses = [state.solution.response for _, state, _ in passed]
-    motion = (np.array([getattr(one, name) for one in responses]) for name in ("shift", "rotation", "force"))
-    answers = made(design, np.array([state.time for _, state, _ in passed]), *motion)
-    axis = 0 if any(state.solution.load.shear_x for _, state, _ in passed) else 2
-    columns = (each[:, axis].tolist() for each in (answers.decoded, answers.observed, answers.half_width))
-    rows = zip(passed, answers.force.tolist(), answers.outputs, *columns, strict=True)
-    states = []
-    for (stop, state, at_stop), own, outputs, *along in rows:
-        response = replace(state.solution.response, force=tuple(own))
-        felt = replace(state, solution=replace(state.solution, response=response))
-        states.append(CycleState(stop, felt, at_stop, outputs, *along))
     return states
 
 

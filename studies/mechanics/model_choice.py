@@ -145,6 +145,7 @@ class Region:
     beyond: str = ""
 
 
+KINDS: dict[str, Literal["formula", "surrogate"]] = {"formula": "formula", SURROGATE: "surrogate"}
 Bound = tuple[float, float]
 """Largest bound of the errors under a load, and that of the force along the shear as in `Statement`."""
 
@@ -308,11 +309,24 @@ def _choices(
     names = sorted(own, key=lambda name: max(each.cost for each in own[name]))
 
     def choice(model: str, level: str) -> list[Choice]:
-        known = own[model, level]
-        bounds = [_bound(known, design, load, place, magnet) for load, place in places]
-        found = [bound for bound in bounds if bound is not None]
+        known, bounds = own[model, level], list[Bound]()
+        for load, place in places:
+            if (bound := _bound(known, design, load, place, magnet)) is None:
+                return []
+            bounds.append(bound)
+        largest, sideways = (max(values) for values in zip(*bounds, strict=True))
+        beyond = list(dict.fromkeys(place.beyond for _, place in places if place.beyond))
+        where = f"{kind} ({', '.join(dict.fromkeys(place.name for _, place in places))})"
+        shown = percent(rounded_up(largest, 2)) if math.isfinite(largest) else "no bound"
+        reason = f"this is the cheapest model whose measured error for {where} is within {shown}"
+        if beyond:
+            reason += f"; the study does not contain {', '.join(beyond)}, so its errors are multiplied"
+        if model == SURROGATE:
+            reason += ", and so are the half widths of its 90 % intervals for these loads"
         designs = max(each.designs for each in known)
-        return [_choice(model, level, found, [place for _, place in places], designs)] if None not in bounds else []
+        if kind == "friction" and designs:
+            reason += f"; Coulomb friction was studied on {designs} designs only"
+        return [Choice(KINDS.get(model, "fem"), level, model, largest, reason, sideways)]
 
     if formulas:
         # all formulas take milliseconds: of these the most accurate one counts
@@ -321,23 +335,6 @@ def _choices(
     for model, level in names:
         if model == fem or (model == SURROGATE and formulas):
             yield from choice(model, level)
-
-
-def _choice(model: str, level: str, bounds: Sequence[Bound], places: Sequence[Region], designs: int) -> Choice:
-    largest, sideways = (max(values) for values in zip(*bounds, strict=True))
-    beyond = list(dict.fromkeys(place.beyond for place in places if place.beyond))
-    names = list(dict.fromkeys(place.name for place in places))
-    where = f"{places[0].kind} ({', '.join(names)})"
-    shown = percent(rounded_up(largest, 2)) if math.isfinite(largest) else "no bound"
-    reason = f"this is the cheapest model whose measured error for {where} is within {shown}"
-    if beyond:
-        reason += f"; the study does not contain {', '.join(beyond)}, so its errors are multiplied"
-    if model == SURROGATE:
-        reason += ", and so are the half widths of its 90 % intervals for these loads"
-    if places[0].kind == "friction" and designs:
-        reason += f"; Coulomb friction was studied on {designs} designs only"
-    kinds: dict[str, Literal["formula", "surrogate"]] = {"formula": "formula", SURROGATE: "surrogate"}
-    return Choice(kinds.get(model, "fem"), level, model, largest, reason, sideways)
 
 
 def region(design: Design, load: Load, magnet: Magnet, kind: Kind | None = None) -> Region:

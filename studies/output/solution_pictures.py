@@ -12,9 +12,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import pyvista as pv
 from numpy.typing import NDArray
-from vtkmodules.vtkCommonCore import vtkLogger
 
 from fem.results import revolved_body
 from fem.results.revolved_body import Body
@@ -71,6 +69,8 @@ class _Picture:
     """
 
     def __init__(self, design: Design, solution: Solution) -> None:
+        import pyvista as pv
+
         quiet()
         cut = cut_of(solution)
         self.slope = solution.load.direction[0] * math.tan(solution.load.plate_tilt)
@@ -182,10 +182,14 @@ class _Picture:
         self.plotter.renderer.reset_camera_clipping_range()
 
     def _polygon(self, outline: Array, towards: float, color: str) -> None:
+        import pyvista as pv
+
         faces = [len(outline), *range(len(outline))]
         self.plotter.add_mesh(pv.PolyData(_in_section(outline, towards), faces=faces), color=color, lighting=False)
 
     def _line(self, outline: Array, towards: float, width: int) -> None:
+        import pyvista as pv
+
         line = pv.lines_from_points(_in_section(outline, towards), close=True)
         self.plotter.add_mesh(line, color=_DARK, line_width=width, lighting=False)
 
@@ -215,6 +219,8 @@ def plane_name(solution: Solution) -> str:
 
 def quiet() -> None:
     """Suppress VTK's warning that there is no display; it then draws without one."""
+    from vtkmodules.vtkCommonCore import vtkLogger
+
     vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_ERROR)
 
 
@@ -372,6 +378,8 @@ def surface(corners: Array, value: Array) -> Any:
 
     `value`: values at the nodes, shape (m, 6); the points of the surface get their interpolation.
     """
+    import pyvista as pv
+
     grid = [(i, j) for i in range(PIECES + 1) for j in range(PIECES + 1 - i)]
     number = {pair: k for k, pair in enumerate(grid)}
     a, b = np.array(grid, dtype=float).T / PIECES
@@ -388,6 +396,8 @@ def surface(corners: Array, value: Array) -> Any:
 
 def lines(edges: Array, towards: float) -> Any:
     """Return the curves through three nodes of each edge, shape (k, 3, 3), moved by `towards` mm to the viewer."""
+    import pyvista as pv
+
     t = np.linspace(0, 1, PIECES + 1)
     shape = np.stack([(1 - t) * (1 - 2 * t), 4 * t * (1 - t), t * (2 * t - 1)])
     points = np.einsum("kp,eki->epi", shape, edges) - [0.0, towards, 0.0]
