@@ -39,8 +39,7 @@ from studies.output.result import Result
 from studies.validation import pages
 from studies.validation import surrogate_training as training
 from studies.validation.pages import Row
-from studies.validation.surrogate_fit import COVERAGE, TrainingSet, quantiles_by_region, surrogate_of
-from studies.validation.surrogate_training import Beams, States, compared, deepest, density_ratio, motions
+from studies.validation.surrogate_training import COVERAGE, Beams, States, TrainingSet, compared, deepest, motions
 
 POOL = 1500
 """Random beams among which the next training beams are chosen."""
@@ -92,14 +91,14 @@ def build(extent: Extent, store: stores.Store, processes: Processes, progress: P
     solver = Solver(store, processes, progress, extent.accuracy)
     states = training_states(solver, training.training_beams(extent.first, extent.seed))
     for k, count in enumerate(extent.rounds):
-        surrogate = surrogate_of(states.complete(), {})
+        surrogate = training.surrogate_of(states.complete(), {})
         more = widest(surrogate, training.random_beams(POOL, extent.seed + 2 + k), count)
         states = states.joined(training_states(solver, more))
     complete = states.complete()
     seen, critical, _ = unseen(solver, extent.calibration, extent.critical, extent.seed + CALIBRATION)
     test = unseen(solver, extent.test, extent.critical, extent.seed + 1)
     about = {"accuracy": solver.accuracy.name, "beams": len(complete.beams), "calibration_beams": len(seen.beams)}
-    surrogate = surrogate_of(complete, about | {"test_beams": len(test[0].beams), "versions": versions()})
+    surrogate = training.surrogate_of(complete, about | {"test_beams": len(test[0].beams), "versions": versions()})
     surrogate = recalibrated(surrogate, errors(surrogate, seen))
     # the half widths of critical depths follow those of the sideways stiffness
     surrogate = recalibrated(surrogate, critical_errors(surrogate, seen, critical))
@@ -212,7 +211,7 @@ def errors(surrogate: Surrogate, states: TrainingSet) -> pd.DataFrame:
     found = predicted.shear(shear["depth"], shear["shear"], beyond_stable=True)
     rods = prediction.yardsticks({name: quantity.value for name, quantity in found.items()})
     tables += [_rows(b, "shear", name, shear, name, quantity, rods[name]) for name, quantity in found.items()]
-    mode = predicted.first_mode(density_ratio(b))
+    mode = predicted.first_mode(training.density_ratio(b))
     frequency = Quantity(mode.value[:, None], mode.half_width[:, None])
     tables.append(_rows(b, "mode", "frequency", states.mode, "frequency", frequency, frequency.value))
     return pd.concat(tables, ignore_index=True)
@@ -273,7 +272,7 @@ def _factors(rows: pd.DataFrame) -> Array:
     beams = rows.assign(score=scores(rows)).groupby("beam", sort=False)
     first, worst = beams.first(), beams["score"].max().to_numpy()
     region = prediction.beam_region(*(first[name].to_numpy() for name in BEAM))
-    return quantiles_by_region(worst[:, None], region)
+    return training.quantiles_by_region(worst[:, None], region)
 
 
 def _rows(
@@ -404,7 +403,7 @@ def designs_per_second(outcome: Outcome, count: int = 10_000) -> Mapping[str, fl
     press = time.process_time()
     beams.shear(0.5 * beams.deepest[:, None], 0.5 * beams.farthest[:, None])
     beams.critical_depth()
-    beams.first_mode(density_ratio(b))
+    beams.first_mode(training.density_ratio(b))
     end = time.process_time()
     return {"press": count / (press - begin), "press, shear, critical depth and mode": count / (end - begin)}
 
