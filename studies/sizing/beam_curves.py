@@ -17,7 +17,6 @@ the largest.
 from __future__ import annotations
 
 import functools
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -26,7 +25,6 @@ import numpy as np
 from numpy.polynomial import chebyshev
 
 from geometry.arrays import Array
-from geometry.compiled import compiled
 from studies.mechanics import surrogate_range
 
 PRESS_DEPTHS = 8
@@ -158,7 +156,7 @@ class Curves:
         press, _ = self.pressed(depth)
         shear, aside = np.zeros_like(depth), np.flatnonzero((force_x != 0).any(axis=0))
         if len(aside):
-            ends = self._shears_of(*(np.ascontiguousarray(each[:, aside]) for each in (depth, force_z, force_x)))
+            ends = self._shears_of(*(each[:, aside] for each in (depth, force_z, force_x)))
             depth[:, aside], shear[:, aside] = ends
         values, slopes, along = self.sheared(depth, shear)
         # above the least depth of the shears the slope of a small shear stays what it is there
@@ -176,80 +174,35 @@ class Curves:
         return shear
 
     def _shears_of(self, depth: Array, force_z: Array, force_x: Array) -> tuple[Array, Array]:
-        """Return the depths and shears at which both forces are the wanted ones."""
+        """Return the depths and shears at which both forces are the wanted ones, NaN where a load is not reached.
+
+        Newton's method, from the depth of the press and one step beyond `CLOSE`.
+        """
         n, nodes, _, m = self.shear.shape
         # of all quantities only the forces, and the largest shears
         table = np.concatenate([self.shear[:, :, 3:5].reshape(n, nodes, 2 * m), self.farthest[:, :, None]], axis=2)
-        parts = _matrices(nodes)[0] @ table, _matrices(PRESS_DEPTHS)[0] @ self.press[:, :, 0, None]
-        ends = np.sqrt(np.hstack([np.full_like(self.low, surrogate_range.SHALLOWEST), self.deepest]))
-        found = np.empty((2, *depth.shape))
-        _meet(*parts, ends, np.hstack([self.low, self.high]), (force_z, force_x, depth), found)
-        return found[0], found[1]
-
-
-@compiled
-def _meet(table, press, press_ends, ends, loads, found):
-    """Fill the depths and shears under loads (n, k) by Newton's method, one step beyond `CLOSE`; NaN if not reached.
-
-    Parameters
-    ----------
-    table : coefficients in the place of a depth: of m coefficients of F_x / s in s^2, as many of F_z, and of the
-        largest shear, shape (n, nodes, 2 m + 1).
-    press : those of the press force, shape (n, PRESS_DEPTHS, 1).
-    press_ends, ends : roots of the least and largest depth of the presses, and such depths of the shears, (n, 2).
-    loads : normal forces, forces along the plate and depths to start from, shape (n, k) each.
-    found : to be filled, shape (2, n, k).
-    """
-    force_z, force_x, start = loads
-    m = table.shape[2] // 2
-    values, slopes = np.empty(2 * m + 1), np.empty(2 * m + 1)
-    base, base_slope = np.empty(1), np.empty(1)
-    for i in range(len(table)):
-        low, high = ends[i, 0], ends[i, 1]
-        for j in range(start.shape[1]):
-            depth, shear, met = min(max(start[i, j], low), high), 0.1, False
-            for step in range(STEPS):
-                root = math.sqrt(depth)
-                _evaluate(table[i], root, math.sqrt(low), math.sqrt(high), values, slopes)
-                _evaluate(press[i], root, press_ends[i, 0], press_ends[i, 1], base, base_slope)
-                square, far = shear * shear, values[2 * m]
-                x, x_grow, x_deep = _horner(values[:m], slopes[:m], square)
-                z, z_grow, z_deep = _horner(values[m : 2 * m], slopes[m : 2 * m], square)
-                off_x, off_z = force_x[i, j] - shear * x, force_z[i, j] - base[0] - square * z
-                before, met = met, abs(off_x) <= CLOSE * force_x[i, j] and abs(off_z) <= CLOSE * force_z[i, j]
-                met = met and shear <= far * (1 + 1e-9) and low * (1 - 1e-9) <= depth <= high * (1 + 1e-9)
-                if before and met:
-                    break
-                a, b = x + 2 * square * x_grow, shear * x_deep
-                c, d = 2 * shear * (z + square * z_grow), base_slope[0] + square * z_deep
-                det = a * d - b * c
-                if step < STEPS - 1:
-                    shear = min(max(shear + (d * off_x - b * off_z) / det, 0.0), far * 1.0001)
-                    depth = min(max(depth + (a * off_z - c * off_x) / det, 0.999 * low), 1.001 * high)
-            found[0, i, j], found[1, i, j] = (depth, shear) if met else (math.nan, math.nan)
-
-
-@compiled
-def _evaluate(coefficients, root, low, high, values, slopes):
-    """Fill polynomials in the root of the depth, (count, q), and their slopes along the depth; see `_through`."""
-    place = max(2 * (root - low) / (high - low) - 1, -1.0)
-    for k in range(len(values)):
-        value, slope = 0.0, 0.0
-        for power in range(len(coefficients) - 1, -1, -1):
-            slope = slope * place + value
-            value = value * place + coefficients[power, k]
-        values[k], slopes[k] = value, slope / (root * (high - low))
-
-
-@compiled
-def _horner(coefficients, by_depth, square):
-    """Return a polynomial in `square`, and its slopes along it and along the depth."""
-    value, slope, deep = 0.0, 0.0, 0.0
-    for k in range(len(coefficients) - 1, -1, -1):
-        slope = slope * square + value
-        value = value * square + coefficients[k]
-        deep = deep * square + by_depth[k]
-    return value, slope, deep
+        low, high = self.low, self.high
+        depth, shear = np.clip(depth, low, high), np.full_like(depth, 0.1)
+        met = done = np.zeros(depth.shape, dtype=np.bool_)
+        for step in range(STEPS):
+            value, slope = _through(table, depth, np.sqrt(low), np.sqrt(high))
+            base, base_slope = (part[..., 0] for part in self.pressed(depth))
+            square, far = shear**2, value[..., -1]
+            (x, x_grow), (z, z_grow) = (_powers(value[..., k : k + m], square) for k in (0, m))
+            (x_deep, _), (z_deep, _) = (_powers(slope[..., k : k + m], square) for k in (0, m))
+            off_x, off_z = force_x - shear * x, force_z - base - square * z
+            before, met = met, (np.abs(off_x) <= CLOSE * force_x) & (np.abs(off_z) <= CLOSE * force_z)
+            met &= (shear <= far * (1 + 1e-9)) & (low * (1 - 1e-9) <= depth) & (depth <= high * (1 + 1e-9))
+            done = done | (before & met)
+            if step == STEPS - 1 or done.all():
+                break
+            a, b = x + 2 * square * x_grow, shear * x_deep
+            c, d = 2 * shear * (z + square * z_grow), base_slope + square * z_deep
+            with np.errstate(divide="ignore", invalid="ignore"):
+                along, down = ((d * off_x - b * off_z) / (a * d - b * c), (a * off_z - c * off_x) / (a * d - b * c))
+            shear = np.where(done, shear, np.clip(shear + along, 0.0, far * 1.0001))
+            depth = np.where(done, depth, np.clip(depth + down, 0.999 * low, 1.001 * high))
+        return np.where(met, depth, np.nan), np.where(met, shear, np.nan)
 
 
 def depths_between(low: Array, high: Array, count: int) -> Array:
