@@ -49,14 +49,10 @@ CONFIDENCE = 0.95
 
 @dataclass(frozen=True, slots=True)
 class BranchFit:
-    """Branches fitted to a test.
+    """Branches fitted to a test, whose covered range is that of the test.
 
-    Attributes
-    ----------
-    relaxation : branches, whose covered range is that of the test.
-    instantaneous, long_term : Young's moduli, MPa; `..._half_width` is half the width of the 95 % interval.
-    aicc : Akaike's corrected criterion.
-    rms : root mean square of the residual over the largest E(t), or relative to |E*|.
+    Young's moduli are in MPa, and `..._half_width` is half the width of the 95 % interval; `rms` is the root mean
+    square of the residual over the largest E(t), or relative to |E*|.
     """
 
     relaxation: Relaxation
@@ -181,12 +177,8 @@ def _first_times(problem: _Problem, most: int) -> Array:
     low, high = problem.ends
     grid = np.geomspace(low, high, int(np.ceil(PER_DECADE * np.log10(high / low))) + 2)
     x = problem.moduli(grid)[0][1:]
-    groups: list[list[int]] = []
-    for k in np.flatnonzero(x > NEGLIGIBLE * x.sum()).tolist():
-        if groups and groups[-1][-1] == k - 1:
-            groups[-1].append(k)
-        else:
-            groups.append([k])
+    found = np.flatnonzero(x > NEGLIGIBLE * x.sum())
+    groups = np.split(found, np.flatnonzero(np.diff(found) > 1) + 1) if len(found) else []
     times = np.array([np.exp(np.average(np.log(grid[group]), weights=x[group])) for group in groups])
     while len(times) > most:
         times = _merged(problem, times)

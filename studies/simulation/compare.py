@@ -10,7 +10,7 @@ the same beam under both names and no readings. `comparison_rows` says what the 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -23,7 +23,7 @@ from studies.mechanics.model_choice import Choice
 from studies.mechanics.path_solver import LoadOutcome, follow
 from studies.output.figures import picture
 from studies.output.records import FlatRow
-from studies.output.result import Block, Result, Table, failure_of
+from studies.output.result import Block, Result, failure_of
 from studies.simulation import comparison_figures
 from studies.simulation.comparison_rows import (
     Kind,
@@ -35,6 +35,7 @@ from studies.simulation.comparison_rows import (
     with_reading_errors,
 )
 from studies.simulation.within_tolerance import beyond, columns_of
+from studies.sweeps import sweep
 
 FILES = ("press.csv", "shear.csv", "press.png", "shear.png")
 """Files of a comparison."""
@@ -93,7 +94,11 @@ def result_of(design: Design, comparison: Comparison, chosen: Choice | None = No
     """Return tables, pictures and sentences of a comparison."""
     press, shear, summary = comparison.press, comparison.shear, comparison.summary
     rows = [*press, *shear]
-    shown: list[Block] = [_table("Press", press), _table("Shear", shear)]
+    places = ("shear_mm", "depth_mm")
+    shown: list[Block] = [
+        replace(sweep.table(part, title, places), places=places)
+        for title, part in (("Press", press), ("Shear", shear))
+    ]
     if "rate_sentence" in summary:
         shown.append(f"{summary['rate_sentence']}.")
     lost = beyond(rows, chosen.tolerance) if chosen else []
@@ -108,23 +113,6 @@ def result_of(design: Design, comparison: Comparison, chosen: Choice | None = No
         },
         failures=[*lost, *failure_of([row for row in rows if row["status"] not in ANSWERED])],
         design=asdict(design),
-    )
-
-
-def _table(title: str, rows: Sequence[FlatRow]) -> Table:
-    force, shift = ("force_N", "shift_z_mm") if title == "Press" else ("force_x_N", "shift_x_mm")
-    judged = ("force", "force") if title == "Press" else ("force_x", "shift_x")
-    places = ("shear_mm", "depth_mm")
-    main = [
-        *places,
-        *(key for key in rows[0] if key.endswith((f"_{force}", f"_{shift}"))),
-        *(key for key in rows[0] if key.endswith(tuple(f"{name}_error_percent" for name in judged))),
-        *("fem_tilt_rad", "status"),
-    ]
-    varying = [key for key in places if len({row.get(key) for row in rows}) > 1]
-    first = ("status", *varying, f"fem_{force}", f"analytic_{force}", f"{judged[0]}_error_percent")
-    return Table(
-        title=title, rows=rows, brief=[key for key in rows[0] if key not in main], first=first, places=places
     )
 
 

@@ -24,13 +24,10 @@ Ranges of homogeneous stretches (`ranges`) tell where a law is stable. The body 
 in its last direction. A law is called stable at such a stretch if it is so in Drucker's sense
 (`fem.results.silicone_limits`), and dP : dF > 0 along the mode itself, so that the nominal stress still rises.
 
-A law must be stable within the range of the test: in each mode, at all stretches whose principal stretches the
-specimen had (`ranges_of_test`). It should also be stable at the stretches that solves reach (`SOLVE`). Uniaxial
-compression is equibiaxial tension, and vice versa.
-
-A law that misses the test gives wrong forces without a warning, while a law that becomes unstable ends a solve with a
-message. `choose` therefore takes a law that is stable within the range of the test: those that fit the test come
-first, then those that are stable at the stretches that solves reach, then the rank. The user may choose another law.
+`choose` takes a law that is stable within the range of the test: in each mode, at all stretches whose principal
+stretches the specimen had (`ranges_of_test`). A law that misses the test gives wrong forces without a warning, while
+one that becomes unstable ends a solve with a message: those that fit the test come first, then those that are stable
+at the stretches that solves reach (`SOLVE`), then the rank.
 """
 
 from __future__ import annotations
@@ -111,13 +108,10 @@ class Fit:
 
     Attributes
     ----------
-    numbers : of `geometry.design.LAWS`.
     constants : number of fitted constants, E included.
     exact : True if the test has no more points than that, so that the residual has no meaning.
-    rms : root mean square of the residual, MPa; `share` is that over the largest stress.
+    rms, share : root mean square of the residual, MPa, and that over the largest stress.
     small : what the law's stress up to `SMALL_STRAIN` has over the test's, relative (`excess`).
-    aicc : Akaike's corrected criterion, None where it is not defined.
-    criterion : quantity by which all laws of the test are ranked.
     stable : least and largest stretch of each mode between which the law is stable, 1 among them.
     bounded : names of the numbers that ended at a bound of the search.
     """
@@ -253,12 +247,7 @@ def _without_rounding(value: float) -> float:
 
 
 def excess(left: Array, stress: Array) -> float:
-    """Return the relative excess of a law's stress over the test's: the projection on the test's stress, less 1.
-
-    Parameters
-    ----------
-    left : law less test, shape (n,), MPa.
-    stress : of the test, shape (n,), MPa.
+    """Return the relative excess of a law's stress over the test's (n,): what is left, projected on the latter.
 
     >>> excess(np.array([0.1, 0.2]), np.array([1.0, 2.0]))
     0.1
@@ -312,11 +301,7 @@ STEPS = 400
 
 
 def ranges_of_test(stretch: Array) -> Ranges:
-    """Return the stretches of each mode whose principal stretches the specimen of a test had.
-
-    Parameters
-    ----------
-    stretch : of a uniaxial test, shape (n,).
+    """Return the stretches of each mode whose principal stretches the specimen of a uniaxial test (n,) had.
 
     >>> {mode: tuple(round(end, 3) for end in ends) for mode, ends in ranges_of_test(np.array([1.0, 2.0])).items()}
     {'uniaxial': (0.707, 2.0), 'equibiaxial': (0.707, 1.189), 'planar': (0.707, 1.414)}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 import math
 from collections.abc import Generator, Iterator, Sequence
 from dataclasses import replace
@@ -46,7 +47,12 @@ def loads_of(motion: Motion) -> list[Load]:
     >>> [load.shear_x for load in loads_of(Motion(depth=1.0, steps=2, shear=1.0))]
     [0.5, 1.0]
     """
-    slides = _check_motion(motion)
+    slides = bool(motion.shear or motion.shear_y)
+    if motion.depths is None and motion.depth is None and motion.grip is None:
+        raise BadInput("no load is given: add --depth D in mm, --force F in N, or --grip HEIGHT with --shear X")
+    if motion.grip is not None and not slides:
+        raise BadInput("--grip needs a shear: add --shear X in mm")
+    _check_apart(motion)
     contact = friction_of(motion.friction, "stick" if slides and motion.grip is None else "none")
     full = Load(
         depth=motion.depth or 0.0,
@@ -76,32 +82,41 @@ def ineffective_options(motion: Motion, method: Method) -> list[tuple[str, str]]
     return options
 
 
-def _refuse(motion: Motion, names: str, sentence: str) -> None:
-    """Refuse options that are given; {0} in the sentence is the option, {1} that of the force in its place."""
-    for name in names.split():
-        if getattr(motion, name) != getattr(Motion(), name):
-            option = f"--{name.replace('_', '-')}"
-            raise BadInput(sentence.format(option, option.replace("shear", "shear-force")))
+_ASIDE = "{0} is a displacement and cannot be combined with {1}: give the force along the plate with {2} in N"
+EXCLUDED = (
+    ("force", "forces", "{1} and {0} exclude each other: give only one"),
+    (
+        "force forces",
+        "depth depths",
+        "{1} and {0} exclude each other, because the force decides the depth: give only one",
+    ),
+    ("force forces", "grip", "{0} has no plate that presses with a force: leave {1} or {0} out"),
+    ("force forces", "shear shear_y", _ASIDE),
+    (
+        "forces",
+        "steps shear_force shear_force_y",
+        "{1} is for presses only and cannot be combined with {0}: give one --force instead",
+    ),
+    ("depths", "depth", "{0} and {1} exclude each other: give only one"),
+    ("grip", "friction imperfection plate_tilt", "{0} has no meaning with {1}, which has no plate: leave {0} out"),
+    (
+        "depths",
+        "steps shear shear_y",
+        "{1} is for presses only and cannot be combined with {0}: give one --depth instead",
+    ),
+)
+"""Options that exclude others, and the sentence on one of these ({0}) beside one of those ({1}); {2} is the force in
+place of a displacement."""
 
 
-def _check_motion(motion: Motion) -> bool:
-    slides = bool(motion.shear or motion.shear_y)
-    if motion.depths is not None:
-        _refuse(motion, "depth", "{0} and --depths exclude each other: give only one")
-    elif motion.depth is None and motion.grip is None:
-        raise BadInput("no load is given: add --depth D in mm, --force F in N, or --grip HEIGHT with --shear X")
-    if motion.grip is not None:
-        if not slides:
-            raise BadInput("--grip needs a shear: add --shear X in mm")
-        _refuse(
-            motion,
-            "friction imperfection plate_tilt",
-            "{0} has no meaning with --grip, which has no plate: leave {0} out",
-        )
-    if motion.depths is not None:
-        alone = "--depths is for presses only and cannot be combined with {0}: give one --depth instead"
-        _refuse(motion, "steps shear shear_y", alone)
-    return slides
+def _check_apart(motion: Motion) -> None:
+    given = {name for name in Motion.__dataclass_fields__ if getattr(motion, name) != getattr(Motion(), name)}
+    option = {name: f"--{name.replace('_', '-')}" for name in given}
+    for ones, others, sentence in EXCLUDED:
+        for one, other in itertools.product(ones.split(), others.split()):
+            if one in given and other in given:
+                force = option[other].replace("shear", "shear-force")
+                raise BadInput(sentence.format(option[other], option[one], force))
 
 
 def plate_tilt_of(degrees: float) -> float:
@@ -145,7 +160,7 @@ def targets_of(motion: Motion) -> list[ForceTarget]:
         if motion.shear_force is not None or motion.shear_force_y is not None:
             raise BadInput("--shear-force is applied after a press to a normal force: add --force F in N")
         return []
-    _check_forces(motion)
+    _check_apart(motion)
     from fem.analyses.force_targets import ForceTarget
 
     sheared = bool(motion.shear_force or motion.shear_force_y)
@@ -158,22 +173,6 @@ def targets_of(motion: Motion) -> list[ForceTarget]:
         return [ForceTarget(share * force, None, load) for share in shares]
     x, y = motion.shear_force or 0.0, motion.shear_force_y or 0.0
     return [ForceTarget(force, (share * x, share * y), load) for share in shares]
-
-
-def _check_forces(motion: Motion) -> None:
-    name = "--forces" if motion.force is None else "--force"
-    if motion.force is not None:
-        _refuse(motion, "forces", "--force and {0} exclude each other: give only one")
-    alone = f"{name} and {{0}} exclude each other, because the force decides the depth: give only one"
-    _refuse(motion, "depth depths", alone)
-    _refuse(motion, "grip", f"{{0}} has no plate that presses with a force: leave {name} or {{0}} out")
-    aside = (
-        f"{{0}} is a displacement and cannot be combined with {name}: give the force along the plate with {{1}} in N"
-    )
-    _refuse(motion, "shear shear_y", aside)
-    if motion.forces is not None:
-        alone = "--forces is for presses only and cannot be combined with {0}: give one --force instead"
-        _refuse(motion, "steps shear_force shear_force_y", alone)
 
 
 def approximate_loads(targets: Sequence[ForceTarget]) -> list[Load]:

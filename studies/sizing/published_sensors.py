@@ -46,29 +46,18 @@ def published_sensors() -> list[dict[str, Any]]:
 
 
 def comparison(reached: Mapping[str, Mapping[str, float]]) -> list[dict[str, Any]]:
-    """Return a row for each published figure, beside what the sized variant reaches.
+    """Return a row for each published figure, beside what the sized variant reaches, if one meets the sensor's box.
 
-    Parameters
-    ----------
-    reached : by the name of a sensor, the values of its variant by quantity, in the units of `UNITS`; a sensor that
-        is left out has no variant that meets its box.
+    reached : by the name of a sensor, the values of its variant by quantity, in the units of `UNITS`.
     """
     rows = []
     for sensor in published_sensors():
         variant = reached.get(sensor["name"], {})
         for figure in sensor["figures"]:
-            value = variant.get(figure["quantity"], math.nan)
-            rows.append(
-                {
-                    "sensor": sensor["name"],
-                    "quantity": figure["quantity"],
-                    "unit": UNITS[figure["quantity"]],
-                    "published": figure["value"],
-                    "statistic": figure["statistic"],
-                    "origin": figure["origin"],
-                    "variant": value if math.isfinite(value) else None,
-                }
-            )
+            name, value = figure["quantity"], variant.get(figure["quantity"], math.nan)
+            row = {"sensor": sensor["name"], "quantity": name, "unit": UNITS[name], "published": figure["value"]}
+            row |= {"statistic": figure["statistic"], "origin": figure["origin"]}
+            rows.append(row | {"variant": value if math.isfinite(value) else None})
     return rows
 
 
@@ -86,14 +75,7 @@ COLUMNS = {
 def reached_in(folder: Path) -> dict[str, dict[str, float]]:
     """Return what the best variant of each box reaches, by the name of the published sensor.
 
-    Parameters
-    ----------
     folder : with a folder for each file of requirements, of the same name, into which `magtip size` wrote.
-
-    Raises
-    ------
-    BadInput
-        There is no result, or one cannot be read.
     """
     reached = {}
     for sensor in published_sensors():
