@@ -3,9 +3,6 @@
 import base64
 import io
 import json
-import re
-import tomllib
-import webbrowser
 from itertools import pairwise
 from urllib.parse import urlsplit
 
@@ -29,7 +26,6 @@ from explorer_session import (
 )
 
 from geometry.design import BadInput, Design
-from studies.cli import exploration_commands
 from studies.inputs import user_input
 
 QUICK = "#preset=paper&level=quick"
@@ -93,29 +89,118 @@ def request(page, side="a"):
     return page.evaluate(f"Explorer.message({json.dumps(side)})")
 
 
-def test_pictures_and_figures_are_drawn(page):
+def test_sections_sensors_and_figures_are_drawn_and_read_by_keys(start):
+    page = start()
     wait(page, "Explorer.complete()")
     for selector in (SECTION, SENSOR):
         assert len(colours(page, selector)) > 20
-    counts = [
-        page.evaluate(f"document.querySelectorAll('[data-chart={name}] .role-mark :is(path, line)').length")
-        for name in ("force", "shift", "readings")
-    ]
     # lines and points of three models, bars with their rests
-    assert min(counts) > 6
-
-
-def test_keys_read_values_of_a_curve(start):
-    page = start()
-    wait(page, "Explorer.complete()")
+    for name in ("force", "shift", "readings"):
+        marks = f"document.querySelectorAll('[data-chart={name}] .role-mark :is(path, line)').length"
+        wait(page, f"{marks} > 6")
     page.evaluate("document.querySelector('[data-chart=force] svg').focus()")
     for key, words in (
         ("ArrowRight", "finite elements"),
         ("ArrowRight", "normal force (N)"),
         ("ArrowDown", "paper's"),
     ):
-        page.keyboard.press(key)
+        page.keyboard.press(f"Arrow{key}")
         assert words in page.evaluate("document.getElementById('live').textContent")
+
+
+def test_controls_and_views_change_picture_and_numbers_and_no_box(start):
+    page = start("&depth=0.5")
+    wait(page, "Explorer.complete()")
+    boxes, pictures, numbers = page.evaluate(BOXES), {drawn(page, SECTION)}, {text(page, "[data-table=response]")}
+    for name, value in (("depth", 2), ("shear", -0.6), ("D", 10), ("magnet", "ignored")):
+        move(page, name, value)
+        rest(page)
+        pictures.add(drawn(page, SECTION))
+        numbers.add(text(page, "[data-table=response]"))
+    wait(page, "Explorer.complete()")
+    assert (len(pictures), len(numbers), page.evaluate(BOXES)) == (5, 5, boxes)
+    for field in ("pressure", "stretch"):
+        ask(page, TYPE, "view-field", field, "change")
+        rest(page)
+        pictures.add(drawn(page, SECTION))
+    move(page, "magnet", "rigid")
+    for button in ("view-lines", "view-mesh"):
+        click(page, button)
+        wait(page, "Explorer.resting() && (Explorer.view.lines === 'no' || Explorer.answers.a.field_lines)")
+        pictures.add(drawn(page, SECTION))
+    assert len(pictures) == 9
+
+
+TWO = "&frequency=300&speed=2&b.preset=paper&b.D=10&b.frequency=300&view.edit=b"
+
+
+@pytest.mark.parametrize("state", ["", TWO])
+def test_panels_are_filled_and_fit_and_do_not_overlap(start, state):
+    page = start(state)
+    wait(page, "Explorer.complete()")
+    try:
+        for width in (390, 900, 1400):
+            page.set_viewport_size({"width": width, "height": 900})
+            wait(page, "Explorer.complete()")
+            boxes = page.evaluate(BOXES)
+            assert page.evaluate("document.documentElement.scrollWidth") <= width
+            assert all(0 <= left < right <= width for left, _, right, _ in boxes)
+            for k, (a, b, c, d) in enumerate(boxes):
+                assert all(c <= e or g <= a or d <= f or h <= b for e, f, g, h in boxes[k + 1 :])
+            assert page.evaluate(CLIPPED) == []
+    finally:
+        page.set_viewport_size({"width": 1400, "height": 900})
+    vibration, loop = (text(page, f"[data-table={name}]") for name in ("vibration", "loop"))
+    decoded = "document.querySelector('[data-table=decoded]').innerText"
+    wait(page, rf"/normal force is 0\.\d+ N off the finite/.test({decoded})")
+    if not state:
+        assert "A speed above 0 mm/s" in loop
+        return
+    assert "force along z, over static" in vibration
+    assert "contact is frozen" in vibration
+    assert "gap of a linear spring" in loop
+    click(page, "compare")
+    wait(page, "document.querySelector('[data-command]').textContent.includes('cycle')")
+    shell, python = page.evaluate("[...document.querySelectorAll('[data-command]')].map((node) => node.textContent)")
+    assert [line.split()[1] for line in shell.splitlines()] == ["solve", "response", "cycle"]
+    compile(python, "lines", "exec")
+
+
+def test_address_gives_the_same_page_and_tabs_are_independent(chromium, served, start):
+    page = start("&D=10&L=12&magnet=ignored&depth=0.5&direction=40&friction=none&view.field=stretch")
+    other = opened(chromium, served[1] + page.evaluate("location.hash"), 1400, 900)
+    try:
+        rest(other)
+        assert request(other) == request(page)
+        assert other.evaluate("Explorer.address()") == page.evaluate("Explorer.address()")
+        assert other.evaluate(RESPONSE) == pytest.approx(page.evaluate(RESPONSE), rel=1e-4)
+        move(other, "depth", 0.3)
+        rest(other)
+        assert page.evaluate("Explorer.answers.a.state.data.load.depth") == 0.5
+        assert other.evaluate("Explorer.answers.a.state.data.load.depth") == 0.3
+        go(other, f"{QUICK}&depht=2&view.field=torque")
+        assert "leaves out: depht, view.field." in text(other, "#notice")
+    finally:
+        other.close()
+
+
+def test_exported_design_and_picture_open_again(start, download):
+    from PIL import Image
+
+    page = start("&D=10&L=12&E=0.5")
+    assert user_input.read_design(str(download("design.toml"))) == Design(D=10, L=12, E=0.5)
+    with Image.open(download("picture.png")) as image:
+        shown = np.unique(np.asarray(image.convert("RGB")).reshape(-1, 3), axis=0)
+        assert image.width > page.evaluate(f"document.querySelector('{SECTION}').width")
+    assert len(shown) > 200
+
+
+def test_texts_have_enough_contrast(page):
+    for theme in ("light", "dark"):
+        page.evaluate(f"document.documentElement.dataset.theme = '{theme}'")
+        ratios = page.evaluate(CONTRAST)
+        page.evaluate("delete document.documentElement.dataset.theme")
+        assert min(ratios) >= 4.5
 
 
 def test_every_control_changes_the_request(start):
@@ -125,19 +210,6 @@ def test_every_control_changes_the_request(start):
         before = request(page)
         move(page, field["name"], other_value(field))
         assert request(page) != before, field["name"]
-
-
-@pytest.mark.parametrize(
-    ("name", "value"),
-    [("depth", 2), ("shear", 1), ("D", 10), ("nu", 0.42), ("magnet_height", 1), ("magnet", "ignored")],
-)
-def test_control_changes_picture_and_numbers(start, name, value):
-    page = start()
-    before = drawn(page, SECTION), text(page, "[data-table=response]")
-    move(page, name, value)
-    rest(page)
-    assert drawn(page, SECTION) != before[0]
-    assert text(page, "[data-table=response]") != before[1]
 
 
 def test_parts_of_the_catalogue_are_choices(start):
@@ -154,25 +226,6 @@ def test_parts_of_the_catalogue_are_choices(start):
     move(page, "grade", "N42")
     wait(page, "document.getElementById('field-magnet_part').value === '6x3 N42'")
     assert page.evaluate("document.getElementById('field-hall_part').value") == "TMAG5273A1"
-
-
-@pytest.mark.parametrize("field", ["pressure", "stretch"])
-def test_choice_of_field_changes_the_colours(start, field):
-    page = start()
-    before = drawn(page, SECTION)
-    ask(page, TYPE, "view-field", field, "change")
-    rest(page)
-    assert drawn(page, SECTION) != before
-
-
-def test_field_lines_and_mesh_are_drawn_on_demand(start):
-    page = start()
-    digests = {drawn(page, SECTION)}
-    for button in ("view-lines", "view-mesh"):
-        click(page, button)
-        wait(page, "Explorer.resting() && (Explorer.view.lines === 'no' || Explorer.answers.a.field_lines)")
-        digests.add(drawn(page, SECTION))
-    assert len(digests) == 3
 
 
 def test_impossible_design_greys_the_picture_and_says_what_the_command_line_says(start):
@@ -245,26 +298,6 @@ def test_undo_redo_and_back_lead_through_the_states(start):
     assert page.evaluate("document.getElementById('redo').disabled")
 
 
-def test_address_gives_the_same_page_and_tabs_are_independent(chromium, served, start):
-    page = start("&D=10&L=12&magnet=ignored&depth=1.5&shear=0.4&direction=40&friction=none&view.field=stretch")
-    other = opened(chromium, served[1] + page.evaluate("location.hash"), 1400, 900)
-    try:
-        rest(other)
-        assert request(other) == request(page)
-        assert other.evaluate("Explorer.address()") == page.evaluate("Explorer.address()")
-        assert other.evaluate(RESPONSE) == pytest.approx(page.evaluate(RESPONSE), rel=1e-4)
-        move(other, "depth", 0.5)
-        rest(other)
-        assert page.evaluate("Explorer.answers.a.state.data.load.depth") == 1.5
-        assert other.evaluate("Explorer.answers.a.state.data.load.depth") == 0.5
-    finally:
-        other.close()
-
-
-def test_unknown_parts_of_the_address_are_named(start):
-    assert "leaves out: depht, view.field." in text(start("&depht=2&view.field=torque"), "#notice")
-
-
 def test_two_designs_side_by_side(start):
     page = start("&depth=1")
     click(page, "compare")
@@ -280,51 +313,6 @@ def test_two_designs_side_by_side(start):
     wait(page, "document.querySelector('figure.section[data-side=b]').hidden")
 
 
-def test_boxes_stay_while_numbers_change(start):
-    page = start("&depth=0.5")
-    wait(page, "Explorer.complete()")
-    before = page.evaluate(BOXES)
-    move(page, "depth", 2)
-    move(page, "shear", -0.6)
-    wait(page, "Explorer.complete()")
-    assert page.evaluate(BOXES) == before
-
-
-def test_speed_and_frequency_fill_their_panels(start):
-    page = start("&frequency=300&speed=2")
-    wait(page, "Explorer.complete()")
-    assert "force along z, over static" in text(page, "[data-table=vibration]")
-    assert "contact is frozen" in text(page, "[data-table=vibration] .notes")
-    assert "gap of a linear spring" in text(page, "[data-table=loop]")
-    wait(
-        page,
-        r"/normal force is 0\.\d+ N off the finite/.test(document.querySelector('[data-table=decoded]').innerText)",
-    )
-    lines = text(page, "[data-command=shell]").splitlines()
-    assert [line.split()[1] for line in lines] == ["solve", "response", "cycle"]
-    move(page, "speed", 0)
-    wait(page, "Explorer.complete()")
-    assert "A speed above 0 mm/s" in text(page, "[data-table=loop]")
-
-
-@pytest.mark.parametrize("state", ["", "&frequency=300&b.preset=paper&b.D=10&b.frequency=300&view.edit=b"])
-def test_panels_fit_and_do_not_overlap(start, state):
-    page = start(state)
-    wait(page, "Explorer.complete()")
-    try:
-        for width in (390, 900, 1400):
-            page.set_viewport_size({"width": width, "height": 900})
-            wait(page, "Explorer.complete()")
-            boxes = page.evaluate(BOXES)
-            assert page.evaluate("document.documentElement.scrollWidth") <= width
-            assert all(0 <= left < right <= width for left, _, right, _ in boxes)
-            for k, (a, b, c, d) in enumerate(boxes):
-                assert all(c <= e or g <= a or d <= f or h <= b for e, f, g, h in boxes[k + 1 :])
-            assert page.evaluate(CLIPPED) == []
-    finally:
-        page.set_viewport_size({"width": 1400, "height": 900})
-
-
 def test_all_controls_have_names_and_keys_reach_them(page):
     def focusable(node):
         return any(one["name"] == "focusable" and one["value"]["value"] for one in node.get("properties", []))
@@ -334,52 +322,6 @@ def test_all_controls_have_names_and_keys_reach_them(page):
     assert {"button", "slider", "textbox", "combobox", "checkbox"} <= roles
     unnamed = [node for node in nodes if node["role"]["value"] != "RootWebArea" and not node["name"]["value"]]
     assert unnamed == []
-
-
-@pytest.mark.parametrize("theme", ["light", "dark"])
-def test_texts_have_enough_contrast(page, theme):
-    page.evaluate(f"document.documentElement.dataset.theme = '{theme}'")
-    ratios = page.evaluate(CONTRAST)
-    page.evaluate("delete document.documentElement.dataset.theme")
-    assert min(ratios) >= 4.5
-
-
-def test_exported_design_is_read_again(start, download):
-    start("&D=10&L=12&E=0.5")
-    path = download("design.toml")
-    assert tomllib.loads(path.read_text())
-    assert user_input.read_design(str(path)) == Design(D=10, L=12, E=0.5)
-
-
-def test_exported_picture_shows_the_page(start, download):
-    from PIL import Image
-
-    page = start()
-    with Image.open(download("picture.png")) as image:
-        shown = np.unique(np.asarray(image.convert("RGB")).reshape(-1, 3), axis=0)
-        assert image.width > page.evaluate(f"document.querySelector('{SECTION}').width")
-    assert len(shown) > 200
-
-
-def test_commands_of_the_state_are_shown(start):
-    page = start("&depth=1.25&D=10&L=12")
-    wait(page, "document.querySelector('[data-command]').textContent.includes('--set D=10')")
-    shell, python = page.evaluate("[...document.querySelectorAll('[data-command]')].map((node) => node.textContent)")
-    assert re.search(r"magtip solve paper .*--depth 1.25", shell)
-    compile(python, "lines", "exec")
-
-
-def test_file_for_the_browser_leads_to_the_page(chromium, served, tmp_path, monkeypatch):
-    asked = []
-    monkeypatch.setattr(webbrowser, "open", lambda address: not asked.append(address))
-    exploration_commands._open(f"{served[1]}#preset=paper&D=3&L=8&depth=0.2", tmp_path / "explorer.html")
-    assert "token" not in asked[0]
-    sheet = opened(chromium, asked[0], 1400, 900)
-    try:
-        wait(sheet, "typeof Explorer !== 'undefined' && Explorer.sides.a !== null")
-        assert sheet.evaluate("[Explorer.sides.a.D, Explorer.sides.a.depth]") == [3, 0.2]
-    finally:
-        sheet.close()
 
 
 MOST_MB = 2000
