@@ -11,7 +11,7 @@ DRAG = """(async (id, low, high, steps) => {
     for (const move of moves) move.number ??= request.number;
     ask(request);
   };
-  engine.onAnswer((answer) => {
+  engine.on.answer = (answer) => {
     receive(answer);
     if (answer.part !== 'state' || Explorer.answers.a.state !== answer) return;
     const received = performance.now(), begin = sent.get(answer.number), [queue, work] = answer.times || [0, 0];
@@ -24,7 +24,7 @@ DRAG = """(async (id, low, high, steps) => {
           transport: received - begin - queue - work, drawing: now - received });
       }
     });
-  });
+  };
   for (let k = 0; k <= steps; k++) {
     slider.value = low + (high - low) * k / steps;
     moves.push({ at: performance.now() });
@@ -34,7 +34,7 @@ DRAG = """(async (id, low, high, steps) => {
   slider.dispatchEvent(new Event('change', { bubbles: true }));
   for (let k = 0; k < 400 && !Explorer.resting(); k++) await new Promise((done) => setTimeout(done, 25));
   engine.ask = ask;
-  engine.onAnswer(receive);
+  engine.on.answer = receive;
   return times;
 })"""
 """Moves a slider at 40 steps a second.

@@ -104,7 +104,7 @@ def test_sections_sensors_and_figures_are_drawn_and_read_by_keys(start):
         ("ArrowRight", "normal force (N)"),
         ("ArrowDown", "paper's"),
     ):
-        page.keyboard.press(f"Arrow{key}")
+        page.keyboard.press(key)
         assert words in page.evaluate("document.getElementById('live').textContent")
 
 
@@ -112,18 +112,25 @@ def test_controls_and_views_change_picture_and_numbers_and_no_box(start):
     page = start("&depth=0.5")
     wait(page, "Explorer.complete()")
     boxes, pictures, numbers = page.evaluate(BOXES), {drawn(page, SECTION)}, {text(page, "[data-table=response]")}
-    for name, value in (("depth", 2), ("shear", -0.6), ("D", 10), ("magnet", "ignored")):
+    for name, value in (
+        ("D", 10),
+        ("magnet", "ignored"),
+        ("magnet", "rigid"),
+        ("D", 8),
+        ("depth", 2),
+        ("shear", -0.6),
+    ):
         move(page, name, value)
         rest(page)
         pictures.add(drawn(page, SECTION))
         numbers.add(text(page, "[data-table=response]"))
     wait(page, "Explorer.complete()")
-    assert (len(pictures), len(numbers), page.evaluate(BOXES)) == (5, 5, boxes)
+    assert (len(pictures), page.evaluate(BOXES)) == (5, boxes)
+    assert len(numbers) >= 5
     for field in ("pressure", "stretch"):
         ask(page, TYPE, "view-field", field, "change")
         rest(page)
         pictures.add(drawn(page, SECTION))
-    move(page, "magnet", "rigid")
     for button in ("view-lines", "view-mesh"):
         click(page, button)
         wait(page, "Explorer.resting() && (Explorer.view.lines === 'no' || Explorer.answers.a.field_lines)")
@@ -264,6 +271,7 @@ def test_newest_state_is_drawn_after_a_drag(start):
 def test_plate_follows_pointer_and_keys(start):
     page = start()
     wait(page, "Explorer.complete()")
+    page.evaluate("document.querySelector('.plate').scrollIntoView({ block: 'center' })")
     x, y = page.evaluate(PLATE)
     drag(page, (x, y), (x + 30, y + 30))
     rest(page)

@@ -16,7 +16,7 @@ from studies.simulation import time_figures
 from studies.sizing import sizing_figures
 from studies.sweeps import sweep_figures
 from studies.web import folder_contents, report_sections
-from studies.web.folder_contents import Contents, Table
+from studies.web.folder_contents import Contents
 
 CURVES = pd.DataFrame(
     {
@@ -134,7 +134,7 @@ def test_a_picture_has_marks_of_the_colours(figure, tmp_path, monkeypatch):
 def parse(text):
     """A table as it is read from a CSV file."""
     head, *rows = [line.split(",") for line in text.strip().splitlines()]
-    return folder_contents.frame_of({name: [row[k] for row in rows] for k, name in enumerate(head)})
+    return pd.DataFrame({name: folder_contents.column_of([row[k] for row in rows]) for k, name in enumerate(head)})
 
 
 def of(figure, **values):
@@ -181,7 +181,7 @@ def test_gains_are_over_the_lowest_frequency_and_phases_are_those_to_the_force()
 
 
 def test_a_folder_of_the_verbs_shows_figures_in_place_of_pictures(tmp_path):
-    tables = {"response.csv": Table("response.csv", RESPONSE), "cycle.csv": Table("cycle.csv", CYCLE)}
+    tables = {"response.csv": RESPONSE, "cycle.csv": CYCLE}
     section = report_sections.section(Contents(tmp_path, "", tables), solve=False)
     assert len(section.figures) == 4
     assert section.replaced == {"response_z.png", "response_x.png", "cycle.png"}

@@ -24,7 +24,7 @@ COARSE = replace(QUICK, section_size=0.3, section_patch=0.1)
 STOPS = offline_page.Stops([0.0, 0.5, 1.0], [0.0, 0.4], [30.0 * k for k in range(12)])
 FILE_AND_ENGINE = """async (request, name) => {
   const engine = OfflineEngine(MAGTIP_OFFLINE), found = {};
-  engine.onAnswer((one) => { found[one.part ?? 'error'] = one.data ?? one.error; });
+  engine.on.answer = (one) => { found[one.part ?? 'error'] = one.data ?? one.error; };
   await engine.fields();
   if (name) return (await engine.file(name, request)).text();
   engine.ask(request);

@@ -223,7 +223,7 @@ def pictures_of(tmp_path, *names):
 
 
 def test_large_picture_gets_smaller(tmp_path):
-    source = page_content.sources(pictures_of(tmp_path, "a.png"), set(), page_content.Budget(10**6), [])["a.png"]
+    source = page_content.sources(pictures_of(tmp_path, "a.png"), set(), 10**6, [])["a.png"]
     head, _, data = source.partition(",")
     assert head == "data:image/png;base64"
     assert Image.open(io.BytesIO(base64.b64decode(data))).size == (page_content.WIDTH, 367)
@@ -231,15 +231,12 @@ def test_large_picture_gets_smaller(tmp_path):
 
 def test_picture_without_room_is_named(tmp_path):
     remarks = []
-    assert page_content.sources(pictures_of(tmp_path, "a.png"), set(), page_content.Budget(10), remarks) == {}
+    assert page_content.sources(pictures_of(tmp_path, "a.png"), set(), 10, remarks) == {}
     assert remarks == ["a.png is not shown: the page would become too large."]
 
 
 def test_file_that_is_no_picture_is_named(tmp_path):
     (tmp_path / "a.png").write_text("no")
     remarks = []
-    assert (
-        page_content.sources(Contents(tmp_path, "", pictures=["a.png"]), set(), page_content.Budget(99), remarks)
-        == {}
-    )
+    assert page_content.sources(Contents(tmp_path, "", pictures=["a.png"]), set(), 99, remarks) == {}
     assert remarks[0].startswith("a.png was not read: it is no picture")

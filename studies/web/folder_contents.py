@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -32,28 +32,10 @@ MOST_FOLDERS = 200
 """Number of sub-folders beyond which a folder is no folder of results: somebody's home, for instance."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Table:
-    """A table of a file, with the text of a CSV file; a column whose cells are all numbers or empty holds numbers."""
-
-    name: str
-    frame: pd.DataFrame
-    text: str = ""
-
-    def __len__(self) -> int:
-        """Return the number of rows."""
-        return len(self.frame)
-
-    def has(self, *names: str) -> bool:
-        """Return whether the table has all these columns."""
-        return all(name in self.frame for name in names)
-
-    @property
-    def ok(self) -> NDArray[np.bool_]:
-        """Whether each row succeeded; a table without a status has only such rows."""
-        if "status" not in self.frame:
-            return np.ones(len(self), dtype=np.bool_)
-        return np.asarray(self.frame["status"].isin(ANSWERED), dtype=np.bool_)
+def answered(table: pd.DataFrame) -> NDArray[np.bool_]:
+    """Return whether each row succeeded; a table without a status has only such rows."""
+    known = table["status"].isin(ANSWERED) if "status" in table else np.ones(len(table))
+    return np.asarray(known, dtype=np.bool_)
 
 
 @dataclass(slots=True)
@@ -63,7 +45,8 @@ class Contents:
     Attributes
     ----------
     name : its path below the folder of the report; "" for that folder itself.
-    tables, records, pages, designs : by file name; a page is Markdown, a record an object of a JSON file.
+    tables, texts, records, pages, designs : by file name; a column whose cells are all numbers or empty holds
+        numbers, a text is that of a CSV file, a page is Markdown, a record an object of a JSON file.
     pictures, solutions : file names.
     run : record of the command that made the folder; None where there is none.
     unread : sentences on files that could not be read or that the report does not show.
@@ -71,7 +54,8 @@ class Contents:
 
     path: Path
     name: str
-    tables: dict[str, Table] = field(default_factory=dict)
+    tables: dict[str, pd.DataFrame] = field(default_factory=dict)
+    texts: dict[str, str] = field(default_factory=dict)
     records: dict[str, dict[str, Any]] = field(default_factory=dict)
     pages: dict[str, str] = field(default_factory=dict)
     designs: dict[str, Design] = field(default_factory=dict)
@@ -140,6 +124,7 @@ def _read_file(contents: Contents, file: Path) -> None:
         contents.run = provenance.read(file)
     elif suffix == ".csv":
         contents.tables[name] = csv_table(file)
+        contents.texts[name] = table_input.text_of(file, "CSV")
     elif suffix == ".parquet":
         contents.tables[name] = _parquet_table(file)
     elif suffix == ".jsonl":
@@ -160,49 +145,36 @@ def _read_file(contents: Contents, file: Path) -> None:
         contents.unread.append(f"{name} is not shown: the report does not know files that end in {suffix or name!r}.")
 
 
-def csv_table(file: Path) -> Table:
-    """Read a CSV file as a table.
+def csv_table(file: Path) -> pd.DataFrame:
+    import pandas as pd
 
-    Raises
-    ------
-    BadInput
-        The file is no CSV table with a header and rows of its length.
-    """
     rows = table_input.csv_rows(file)
     if not rows:
         raise BadInput(f"{file.name} is empty")
     head = [cell.strip() for cell in rows[0][1]]
     for line, row in rows[1:]:
         table_input.check_length(file, line, head, row)
-    cells = {name: [row[k] for _, row in rows[1:]] for k, name in enumerate(head)}
-    return Table(file.name, frame_of(cells), table_input.text_of(file, "CSV"))
+    return pd.DataFrame({name: column_of([row[k] for _, row in rows[1:]]) for k, name in enumerate(head)})
 
 
-def frame_of(cells: Mapping[str, Sequence[str]]) -> pd.DataFrame:
-    """Return columns of texts as a table, with numbers where all cells of a column are numbers or empty."""
-    import pandas as pd
-
-    return pd.DataFrame({name: _column(column) for name, column in cells.items()})
-
-
-def _column(cells: Sequence[str]) -> Any:
+def column_of(cells: Sequence[str]) -> Any:
+    """Return numbers where all cells are numbers or empty, else texts."""
     try:
         return np.array([float(cell or "nan") for cell in cells])
     except ValueError:
         return np.array(cells, dtype=object)
 
 
-def _parquet_table(file: Path) -> Table:
+def _parquet_table(file: Path) -> pd.DataFrame:
     import pandas as pd
 
     try:
-        frame = pd.read_parquet(file)
+        return pd.read_parquet(file)
     except (OSError, ValueError) as error:
         raise BadInput(f"it is no Parquet table ({str(error).splitlines()[0]})") from None
-    return Table(file.name, frame)
 
 
-def states_table(file: Path) -> Table:
+def states_table(file: Path) -> pd.DataFrame:
     """Read states that `solve --json` printed as a table; vectors become columns force_x_N, force_y_N, force_z_N."""
     import pandas as pd
 
@@ -218,7 +190,7 @@ def states_table(file: Path) -> Table:
         rows.append(row)
     if not any(rows):
         raise BadInput(f"{file.name} is empty")
-    return Table(file.name, pd.DataFrame(rows))
+    return pd.DataFrame(rows)
 
 
 def _record(file: Path) -> dict[str, Any]:

@@ -11,7 +11,6 @@ import io
 import json
 import re
 from collections.abc import Callable, Mapping, MutableSet
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -170,19 +169,12 @@ WIDTH = 1100
 COLOURS = 64
 
 
-@dataclass(slots=True)
-class Budget:
-    """Bytes that pictures may still take."""
-
-    left: int
-
-
-def sources(contents: Contents, replaced: set[str], budget: Budget, remarks: list[str]) -> dict[str, str]:
+def sources(contents: Contents, replaced: set[str], room: int, remarks: list[str]) -> dict[str, str]:
     """Return the addresses (data:) of a folder's pictures by file name, without those that a figure replaces.
 
-    Pictures that cannot be read, or for which no room is left, are named in `remarks`.
+    Pictures that cannot be read, or for which there is no room, bytes, are named in `remarks`.
     """
-    result = {}
+    result: dict[str, str] = {}
     for name in contents.pictures:
         if name in replaced:
             continue
@@ -191,10 +183,9 @@ def sources(contents: Contents, replaced: set[str], budget: Budget, remarks: lis
         except (OSError, ValueError) as error:
             remarks.append(f"{name} was not read: it is no picture ({str(error).splitlines()[0]}).")
             continue
-        if len(source) > budget.left:
+        if len(source) + sum(map(len, result.values())) > room:
             remarks.append(f"{name} is not shown: the page would become too large.")
             continue
-        budget.left -= len(source)
         result[name] = source
     return result
 

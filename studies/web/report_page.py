@@ -23,8 +23,7 @@ from studies.output import atomic_files, provenance
 from studies.output.figures import Figure
 from studies.output.text_tables import quantity_name
 from studies.web import folder_contents, report_sections
-from studies.web.folder_contents import Table
-from studies.web.page_content import PAGE, Budget, as_json, lead_of, page_html, page_theme, sources, title_of
+from studies.web.page_content import PAGE, as_json, lead_of, page_html, page_theme, sources, title_of
 from studies.web.report_sections import Section
 
 SCRIPTS = ("format", "theme", "exports", "figures", "sensor_view", "report_surface", "report_page")
@@ -108,11 +107,10 @@ def page(folder: Path, sections: Sequence[Section], command: str) -> str:
     environment.filters |= {"minus": minus, "file_name": _file_name, "cell": _cell, "quantity": quantity_name}
     environment.globals["count"] = _count
     tables, left_out = _kept_tables(sections)
-    images = Budget(MOST_PICTURE_BYTES)
-    shown = [
-        {"section": one, "title": title, "lead": lead_of(one.contents), **_content(one, left_out, images)}
-        for one, title in zip(sections, _titles(sections), strict=True)
-    ]
+    shown: list[dict[str, Any]] = []
+    for one, title in zip(sections, _titles(sections), strict=True):
+        room = MOST_PICTURE_BYTES - sum(len(source) for item in shown for source in item["sources"].values())
+        shown.append({"section": one, "title": title, "lead": lead_of(one.contents), **_content(one, left_out, room)})
     every = list(enumerate(sections))
     data: dict[str, Any] = {
         "figures": {f"f{k}-{i}": figure_data(figure) for k, one in every for i, figure in enumerate(one.figures)},
@@ -166,23 +164,24 @@ def _digest(text: str) -> str:
 def _kept_tables(
     sections: Sequence[Section],
 ) -> tuple[dict[str, list[list[str]]], dict[tuple[str, str], str]]:
-    every = [(one.name, table) for one in sections for table in one.contents.tables.values()]
+    """Return the tables that the page has, the smallest first, and why it has not the others."""
+    every = [
+        (one.name, name, one.contents.texts.get(name, ""), table.size)
+        for one in sections
+        for name, table in one.contents.tables.items()
+    ]
     kept: dict[str, list[list[str]]] = {}
     left_out: dict[tuple[str, str], str] = {}
     total = 0
-    for name, table in sorted(every, key=lambda pair: _bytes(pair[1])):
-        total += _bytes(table)
-        if not table.text:
-            left_out[name, table.name] = "it is no CSV file"
+    for folder, name, text, size in sorted(every, key=lambda each: len(each[2]) or 20 * each[3]):
+        total += len(text) or 20 * size
+        if not text:
+            left_out[folder, name] = "it is no CSV file"
         elif total > MOST_TABLE_BYTES:
-            left_out[name, table.name] = f"it has {_bytes(table) / 1e6:.1f} MB, too many for the page"
+            left_out[folder, name] = f"it has {len(text) / 1e6:.1f} MB, too many for the page"
         else:
-            kept[f"{name}/{table.name}"] = list(csv.reader(io.StringIO(table.text)))
+            kept[f"{folder}/{name}"] = list(csv.reader(io.StringIO(text)))
     return kept, left_out
-
-
-def _bytes(table: Table) -> int:
-    return len(table.text) or 20 * table.frame.size
 
 
 def _titles(sections: Sequence[Section]) -> list[str]:
@@ -193,18 +192,18 @@ def _titles(sections: Sequence[Section]) -> list[str]:
     ]
 
 
-def _content(section: Section, left_out: Mapping[tuple[str, str], str], images: Budget) -> dict[str, Any]:
+def _content(section: Section, left_out: Mapping[tuple[str, str], str], room: int) -> dict[str, Any]:
     """Return tables, pictures and pages of a section as the template takes them."""
     contents, files = section.contents, []
-    for table in contents.tables.values():
-        reason = left_out.get((section.name, table.name), "")
-        text = f"{table.name}: {_count(len(table), 'row')}, {_count(table.frame.shape[1], 'column')}"
+    for name, table in contents.tables.items():
+        reason = left_out.get((section.name, name), "")
+        text = f"{name}: {_count(len(table), 'row')}, {_count(table.shape[1], 'column')}"
         text += f" (not in this page: {reason})" if reason else ""
-        files.append({"id": "" if reason else f"{section.name}/{table.name}", "name": table.name, "text": text})
-    pictures, used = sources(contents, section.replaced, images, section.remarks), set[str]()
+        files.append({"id": "" if reason else f"{section.name}/{name}", "name": name, "text": text})
+    pictures, used = sources(contents, section.replaced, room, section.remarks), set[str]()
     pages = {name: page_html(text, pictures, used) for name, text in contents.pages.items()}
     loose = {name: source for name, source in pictures.items() if name not in used}
-    return {"files": files, "pages": pages, "pictures": loose}
+    return {"files": files, "pages": pages, "pictures": loose, "sources": pictures}
 
 
 def _cell(value: Any) -> tuple[str, bool]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load
@@ -17,7 +17,7 @@ from studies.sizing import sizing_figures
 from studies.sweeps import sweep_figures
 from studies.web import deformed_surface, folder_contents, paper_figures, verdict_figures
 from studies.web.deformed_surface import Surface
-from studies.web.folder_contents import Contents, Table
+from studies.web.folder_contents import Contents
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -28,15 +28,9 @@ MOST_OPEN_ROWS, MOST_OPEN_COLUMNS = 40, 9
 """Size up to which a table of words is shown at once, and not only on demand."""
 
 
-@dataclass(frozen=True, slots=True)
-class Known:
-    """A table that magtip writes.
-
-    Attributes
-    ----------
-    columns : some of its columns.
-    figures : what draws it; None: it is shown as a table, as those are that are not listed.
-    pictures : pictures in the folder that show the same as the figures.
+class Known(NamedTuple):
+    """A table that magtip writes: some of its columns, what draws it (None: it is shown as a table, as those that are
+    not listed), and pictures in the folder that show the same as these figures.
     """
 
     file: str
@@ -120,33 +114,33 @@ def section(contents: Contents, *, solve: bool) -> Section:
         drawn = [replace(figure, source=name) for figure in figures if len(figure.data)]
         result.figures.extend(drawn)
         result.remarks.extend([remark] if remark else [])
-        if not drawn and len(table) <= MOST_OPEN_ROWS and table.frame.shape[1] <= MOST_OPEN_COLUMNS and len(table):
-            result.sheets[name] = table.frame
+        if not drawn and len(table) <= MOST_OPEN_ROWS and table.shape[1] <= MOST_OPEN_COLUMNS and len(table):
+            result.sheets[name] = table
         result.replaced.update(pictures if drawn else ())
     if folder_contents.SIZING in contents.records:
         result.sheets.update(sizing_figures.sheets(contents.records[folder_contents.SIZING]))
         if "front.csv" in contents.tables:
-            result.sheets["Front"] = sizing_figures.front_sheet(contents.tables["front.csv"].frame)
+            result.sheets["Front"] = sizing_figures.front_sheet(contents.tables["front.csv"])
     _add_surfaces(result, solve=solve)
     return result
 
 
-def _figures_of(name: str, table: Table, *, assumption: bool) -> tuple[list[Figure], tuple[str, ...], str]:
+def _figures_of(name: str, table: pd.DataFrame, *, assumption: bool) -> tuple[list[Figure], tuple[str, ...], str]:
     """Return the figures of a table, the pictures that they replace, and a sentence if one could expect some."""
     if not len(table):
         return [], (), f"{name} has no rows."
     for known in KNOWN:
-        if known.file == name and table.has(*known.columns):
-            return (known.figures(table.frame) if known.figures else []), known.pictures, ""
-    if assumption and table.has(*ASSUMPTION):
-        return paper_figures.assumption(table.frame), ASSUMPTION_PICTURES, ""
-    columns = map(str, table.frame.columns)
-    if any(column.startswith(("fem_", "response_", "loop_")) for column in columns) and "status" in table.frame:
-        figures = sweep_figures.sweep(table.frame) if table.ok.any() else []
+        if known.file == name and set(known.columns) <= set(table):
+            return (known.figures(table) if known.figures else []), known.pictures, ""
+    if assumption and set(ASSUMPTION) <= set(table):
+        return paper_figures.assumption(table), ASSUMPTION_PICTURES, ""
+    columns = map(str, table.columns)
+    if any(column.startswith(("fem_", "response_", "loop_")) for column in columns) and "status" in table:
+        figures = sweep_figures.sweep(table) if folder_contents.answered(table).any() else []
         return figures, ("sweep.png",), "" if figures else f"{name} has no figure: every case failed."
     expected = next((known for known in KNOWN if known.file == name), None)
     if expected is not None:
-        missing = ", ".join(column for column in expected.columns if column not in table.frame)
+        missing = ", ".join(column for column in expected.columns if column not in table)
         return [], (), f"{name} has no figure: its columns {missing} are missing."
     return [], (), ""
 
@@ -190,15 +184,16 @@ def state_of(contents: Contents) -> tuple[Design, Load | None] | None:
     return design, None
 
 
-def _largest_state(table: Table, base: Design) -> tuple[Design, Load] | None:
+def _largest_state(table: pd.DataFrame, base: Design) -> tuple[Design, Load] | None:
     """Return the case of a table with the greatest shear, then depth, of the base design if the table has it."""
     import numpy as np
     import pandas as pd
 
-    present = {study_input.column(name): name for name in study_input.AXES if study_input.column(name) in table.frame}
-    if "depth_mm" not in present or not table.ok.any():
+    present = {study_input.column(name): name for name in study_input.AXES if study_input.column(name) in table}
+    ok = folder_contents.answered(table)
+    if "depth_mm" not in present or not ok.any():
         return None
-    rows = table.frame.loc[table.ok, list(present)].rename(columns=present)
+    rows = table.loc[ok, list(present)].rename(columns=present)
     own = [rows[name] == getattr(base, name) for name in rows if name in study_input.DESIGN]
     sizes = {
         name: pd.to_numeric(rows[name], errors="coerce").abs().fillna(0.0) if name in rows else 0.0

@@ -67,6 +67,7 @@ def section(design: Design, solution: Solution, magnet: Magnet) -> dict[str, Any
         "points": np.round(moved, DIGITS),
         "rest": np.round(rest, DIGITS),
         "triangles": triangles,
+        "outline": _outer_edges(triangles, rest),
         "fields": {
             "displacement": np.round(np.linalg.norm(moved - rest, axis=1), DIGITS),
             "pressure": np.round(pressure, _decimals(pressure)),
@@ -77,6 +78,14 @@ def section(design: Design, solution: Solution, magnet: Magnet) -> dict[str, Any
         "direction": [c, s],
         "elements": element_places(design),
     }
+
+
+def _outer_edges(triangles: Ints, rest: Array) -> Ints:
+    """Return the edges (n, 2) of one triangle only, without those on the axis, where both sides meet."""
+    edges = np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
+    _, first, number = np.unique(edges @ [len(rest), 1], return_index=True, return_counts=True)
+    outer = edges[first[number == 1]]
+    return np.asarray(outer[np.abs(rest[outer, 0]).max(axis=1) > 1e-6])
 
 
 def element_places(design: Design) -> dict[str, tuple[float, float, float]]:

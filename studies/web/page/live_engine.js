@@ -6,10 +6,8 @@ const LiveEngine = () => {
   const LONGEST_WAIT = 3000;
   const token = new URLSearchParams(location.search).get("token");
   let socket = null;
-  let answer = () => {};
-  let measured = () => {};
-  let closed = () => {};
-  let opened = () => {};
+  // what the page does with answers, rows of a stream, and the loss and the return of the server
+  const on = { answer() {}, measured() {}, closed() {}, opened() {} };
   let wait = FIRST_WAIT;
 
   function connect() {
@@ -17,16 +15,16 @@ const LiveEngine = () => {
     socket = new WebSocket(`${scheme}://${location.host}/live${token ? `?token=${encodeURIComponent(token)}` : ""}`);
     socket.addEventListener("open", () => {
       wait = FIRST_WAIT;
-      opened();
+      on.opened();
     });
     socket.addEventListener("message", (event) => {
       const message = JSON.parse(event.data, Format.unpacked);
-      if (message.measured) measured(message.measured);
-      else answer(message);
+      if (message.measured) on.measured(message.measured);
+      else on.answer(message);
     });
     socket.addEventListener("close", () => {
       socket = null;
-      closed("gone");
+      on.closed("gone");
       again();
     });
   }
@@ -38,9 +36,9 @@ const LiveEngine = () => {
       try {
         const reply = await fetch(path("page/fields.json"), { cache: "no-store" });
         if (reply.ok) return connect();
-        closed(reply.status === 403 ? "token" : "gone");
+        on.closed(reply.status === 403 ? "token" : "gone");
       } catch {
-        closed("gone");
+        on.closed("gone");
       }
       again();
     }, wait);
@@ -48,7 +46,6 @@ const LiveEngine = () => {
 
   const path = (name) => (token ? `${name}?token=${encodeURIComponent(token)}` : name);
   return {
-    model: "finite elements",
     // what the page says before the first answer
     wait:
       "Solving the first state. " +
@@ -59,19 +56,7 @@ const LiveEngine = () => {
     ask(request) {
       if (socket?.readyState === WebSocket.OPEN) socket.send(JSON.stringify(request));
     },
-    onAnswer(callback) {
-      answer = callback;
-    },
-    // rows of a stream, where the page belongs to one
-    onMeasured(callback) {
-      measured = callback;
-    },
-    onClosed(callback) {
-      closed = callback;
-    },
-    onOpened(callback) {
-      opened = callback;
-    },
+    on,
     async fields() {
       const reply = await fetch(path("page/fields.json"), { cache: "no-store" });
       if (!reply.ok) throw new Error(reply.status === 403 ? "token" : "gone");

@@ -4,8 +4,7 @@
 
 const OfflineEngine = (text) => {
   let page = null;
-  let answer = () => {};
-  let opened = () => {};
+  const on = { answer() {}, closed() {}, opened() {} };
 
   // The page's content is JSON as gzip; an array that stands in it several times is named by its place in "arrays".
   async function content() {
@@ -83,18 +82,17 @@ const OfflineEngine = (text) => {
     const { number, side } = request;
     setTimeout(() => {
       try {
-        for (const [part, data] of parts(request)) answer({ number, side, part, level: "standard", data });
+        for (const [part, data] of parts(request)) on.answer({ number, side, part, level: "standard", data });
       } catch (error) {
-        answer({ number, side, error: error.message, field: null });
+        on.answer({ number, side, error: error.message, field: null });
       }
     }, 0);
   }
 
   return {
-    model: "finite elements",
     sensor: () => page.sensor,
     time: "solved beforehand",
-    start: () => setTimeout(() => opened(), 0),
+    start: () => setTimeout(() => on.opened(), 0),
     ask,
     async fields() {
       page = await content();
@@ -106,12 +104,6 @@ const OfflineEngine = (text) => {
       if (file === undefined) throw new Error(`This page has no server, which ${name} needs: run magtip explore.`);
       return new Blob([file], { type: "text/plain" });
     },
-    onAnswer(callback) {
-      answer = callback;
-    },
-    onClosed() {},
-    onOpened(callback) {
-      opened = callback;
-    },
+    on,
   };
 };

@@ -75,7 +75,7 @@ const Requests = (engine, { message, show, refuse, progress }) => {
   const behind = (name, part) => sides[name].dirty || (sides[name].drawn[part]?.number || 0) < sides[name].number;
   const resting = () => Object.values(sides).every((side) => !side.dirty && !side.flying);
 
-  engine.onAnswer(receive);
+  engine.on.answer = receive;
   return { change, receive, opened, closed, forget, behind, resting, newest: (name) => sides[name].number };
 };
 Requests.PARTS = "state curve sensor3d field_lines stability vibration loop margins commands".split(" ");

@@ -77,7 +77,7 @@ const SectionDrawing = (() => {
     const value = fields[name];
     const { width, height } = pen.canvas;
     const lut = table(FIELDS[name].map);
-    const image = blank(pen);
+    const image = pen.createImageData(width, height);
     const pixel = new Uint32Array(image.data.buffer);
     const n = points.length / 2;
     const x = new Float64Array(n);
@@ -123,51 +123,23 @@ const SectionDrawing = (() => {
     pen.putImageData(image, 0, 0);
   }
 
-  // Transparent pixels of a canvas' size; they are used again, since each picture would leave a megabyte to collect.
-  const images = new WeakMap();
-  function blank(pen) {
-    const { canvas } = pen;
-    const image = images.get(canvas);
-    if (image?.width === canvas.width && image.height === canvas.height) {
-      new Uint32Array(image.data.buffer).fill(0);
-      return image;
-    }
-    images.set(canvas, pen.createImageData(canvas.width, canvas.height));
-    return images.get(canvas);
-  }
-
   function meshLines(pen, at, { points, triangles }) {
     pen.strokeStyle = Format.colour("--paper");
     pen.globalAlpha = 0.45;
     pen.lineWidth = 0.6 * at.ratio;
-    const edges = Array.from(triangles, (i, k) => (k % 3 ? [triangles[k - 1], i] : [i, triangles[k + 2]]));
+    const edges = Array.from(triangles, (i, k) => [i, triangles[k % 3 < 2 ? k + 1 : k - 2]]).flat();
     strokeEdges(pen, at, points, edges);
     pen.globalAlpha = 1;
   }
 
-  // Edges that belong to one triangle only, found once for each answer.
-  const outlines = new WeakMap();
-  function outline(section) {
-    if (outlines.has(section)) return outlines.get(section);
-    const edges = new Map();
-    const { triangles, rest } = section;
-    triangles.forEach((a, k) => {
-      const b = triangles[k % 3 < 2 ? k + 1 : k - 2];
-      const key = a < b ? a * rest.length + b : b * rest.length + a;
-      edges.set(key, edges.has(key) ? null : [a, b]);
-    });
-    // the halves of a revolved section meet on the axis, where both have points of their own
-    const own = [...edges.values()].filter((edge) => edge && edge.some((k) => Math.abs(rest[2 * k]) > 1e-6));
-    outlines.set(section, own);
-    return own;
-  }
-
+  // Edges, each of two numbers of points.
   function strokeEdges(pen, at, points, edges) {
     pen.beginPath();
-    for (const [a, b] of edges) {
-      pen.moveTo(at.x(points[2 * a]), at.z(points[2 * a + 1]));
-      pen.lineTo(at.x(points[2 * b]), at.z(points[2 * b + 1]));
-    }
+    edges.forEach((n, k) => {
+      const place = [at.x(points[2 * n]), at.z(points[2 * n + 1])];
+      if (k % 2) pen.lineTo(...place);
+      else pen.moveTo(...place);
+    });
     pen.stroke();
   }
 
@@ -288,16 +260,15 @@ const SectionDrawing = (() => {
     ground(pen, at, value("D"));
     if (state) {
       const { section } = state;
-      const edges = outline(section);
       if (mesh) meshLines(pen, at, section);
       pen.lineWidth = r;
       pen.setLineDash([3 * r, 3 * r]);
       pen.strokeStyle = Format.colour("--soft");
-      strokeEdges(pen, at, section.rest, edges);
+      strokeEdges(pen, at, section.rest, section.outline);
       pen.setLineDash([]);
       pen.strokeStyle = Format.colour("--ink");
       pen.lineWidth = 1.2 * r;
-      strokeEdges(pen, at, section.points, edges);
+      strokeEdges(pen, at, section.points, section.outline);
       if (section.magnet?.length) {
         polygon(pen, at, section.magnet);
         pen.fillStyle = Format.colour("--magnet");

@@ -10,11 +10,11 @@
     "A server answers here, but with another token: open the address that it printed. " +
     "The state of this page is the part of its address after the sign #.";
 
-  engine.onClosed((why) => {
+  engine.on.closed = (why) => {
     document.body.dataset.server = why;
     Explorer.requests()?.closed();
     Explorer.say(why === "token" ? OTHER : GONE);
-  });
+  };
   let fields = null;
   let charts = null;
   try {
@@ -119,12 +119,12 @@
     return Exports.picture(texts, [...rows, Object.values(views.figures).map(({ box }) => box.querySelector("svg"))]);
   }
 
-  engine.onOpened(() => {
+  engine.on.opened = () => {
     delete document.body.dataset.server;
     if (/server/i.test(Explorer.notice())) Explorer.say("");
     requests.opened();
-  });
-  engine.onMeasured?.(Measured($("#measured-panel"), charts, () => engine.ask({ zero: true })));
+  };
+  engine.on.measured = Measured($("#measured-panel"), charts, () => engine.ask({ zero: true }));
   Explorer.begin();
   engine.start();
   document.documentElement.dataset.ready = "yes";
