@@ -126,12 +126,13 @@ def result(table: Mapping[str, NDArray[Any]], design: Design) -> Result:
     pictures = maps(found, means)
     chosen = [row for row in shares if row["nu"] == nu and row["level"] in ("paper", "finite")]
     page = {"design": design, "sentences": sentences, "nu": nu, "best": best, "means": means}
-    page["pictures"] = {name: text for name, (_, text) in pictures.items()}
+    page |= {"pictures": list(pictures), "bound": BOUNDS[1]}
+    page["kinds"] = {name.replace(" ", "_"): (name, kind) for kind, names in QUANTITIES.items() for name in names}
     page["shares"] = [{name: value for name, value in row.items() if name != "nu"} for row in chosen]
     first = ("quantity", "level", "magnet_height_over_D", "within_10_percent")
     shown = [Table(title="Share of the cells within 5 and 10 %", rows=shares, first=first), *sentences]
     tables = {"shares": shares, "best": best, "readings": pages.records(parts), "sweep": list(flat_rows(table))}
-    files = {name: partial(save, figures=figures) for name, (figures, _) in pictures.items()}
+    files = {name: partial(save, figures=figures) for name, figures in pictures.items()}
     return pages.study("assumption", "Assumption", shares, page, shown=shown, tables=tables, files=files)
 
 
@@ -205,28 +206,24 @@ def share_rows(found: pd.DataFrame) -> list[Row]:
     return rows
 
 
-def regions(own: pd.DataFrame) -> pd.DataFrame:
-    names = (f"d/D to {DEPTHS[0]:g}", f"d/D {DEPTHS[0]:g} to {DEPTHS[1]:g}", f"d/D above {DEPTHS[1]:g}")
-    bodies, ends = ("no magnet", f"magnet to {BODIES[1]:g} D", "taller magnet"), (-math.inf, math.inf)
-    return own.assign(
-        body=pd.cut(own["height"], [ends[0], *BODIES, ends[1]], labels=bodies),
-        slender=slender(own["slenderness"]),
-        deep=pd.cut(own["depth"], [ends[0], *DEPTHS, ends[1]], labels=names),
-    )
-
-
 def best_rows(main: pd.DataFrame) -> list[Row]:
     """Return the best level in each region: body, slenderness and depth; regions without a cell are left out.
 
     The best level has the least root mean square error in the cells that every level answers; `best_in_percent` is
     the share of these in which it has the least error of all levels.
     """
+    names = (f"d/D to {DEPTHS[0]:g}", f"d/D {DEPTHS[0]:g} to {DEPTHS[1]:g}", f"d/D above {DEPTHS[1]:g}")
+    bodies = ("no magnet", f"magnet to {BODIES[1]:g} D", "taller magnet")
     rows: list[Row] = []
     for kind, quantity in ((one, name) for one, names in QUANTITIES.items() for name in names):
-        own = regions(main[main["kind"] == kind])
-        known = errors(own, quantity).dropna()
-        own = own.loc[known.index]
-        for region, levels in known.groupby([own["body"], own["slender"], own["deep"]], observed=True):
+        known = errors(main[main["kind"] == kind], quantity).dropna()
+        own = main.loc[known.index]
+        places = [
+            pd.cut(own["height"], [-math.inf, *BODIES, math.inf], labels=bodies),
+            slender(own["slenderness"]),
+            pd.cut(own["depth"], [-math.inf, *DEPTHS, math.inf], labels=names),
+        ]
+        for region, levels in known.groupby(places, observed=True):
             rms = (levels**2).mean() ** 0.5
             best = str(rms.idxmin())
             row: Row = {"quantity": quantity, "region": ", ".join(region), "cells": len(levels)}
@@ -240,24 +237,16 @@ def best_rows(main: pd.DataFrame) -> list[Row]:
 
 # Maps
 
-Pictures = dict[str, tuple[Sequence[Figure], str]]
-"""Figures and the text below them, by the name of their file."""
 
-
-def maps(found: pd.DataFrame, means: Sequence[Row]) -> Pictures:
-    pictures: Pictures = {}
-    nu = found["nu"].max()
-    main = found[found["nu"] == nu]
-    for kind, quantity in ((one, name) for one in sorted(main["kind"].unique()) for name in QUANTITIES[one]):
-        text = f"Error of the {quantity} in a {kind}, by level and height of the magnet, nu = {nu:g}."
+def maps(found: pd.DataFrame, means: Sequence[Row]) -> dict[str, Sequence[Figure]]:
+    """Return figures by the name of their file."""
+    main = found[found["nu"] == found["nu"].max()]
+    pictures: dict[str, Sequence[Figure]] = {}
+    for quantity in (name for kind in sorted(main["kind"].unique()) for name in QUANTITIES[kind]):
         figures = [error_map(found, quantity, level) for level in beam.LEVELS]
-        pictures[f"{quantity.replace(' ', '_')}.png"] = figures, text
-    best = f"The level of least error in each cell; grey: even that error exceeds {BOUNDS[1]:g} %."
-    pictures["best_level.png"] = best_maps(main), best
-    if means:
-        parts = "Root mean squares of the parts of the readings' error, by height of the magnet and L/D."
-        pictures["readings.png"] = [split_figure(means)], parts
-    return pictures
+        pictures[f"{quantity.replace(' ', '_')}.png"] = figures
+    pictures["best_level.png"] = best_maps(main)
+    return pictures | ({"readings.png": [split_figure(means)]} if means else {})
 
 
 def best_maps(main: pd.DataFrame) -> list[Figure]:
@@ -300,8 +289,8 @@ def findings(found: pd.DataFrame, shares: Sequence[Row], readings: Sequence[Row]
         parts = {}
         for level, name in (("paper", FORMULAS[quantity]), ("finite", "level finite")):
             own = [row for row in main if (row["quantity"], row["level"]) == (quantity, level)]
-            if count := sum(row["cells"] for row in own):
-                parts[name] = sum(row["cells"] * row["within_10_percent"] for row in own) / count
+            if own:
+                parts[name] = np.average([r["within_10_percent"] for r in own], weights=[r["cells"] for r in own])
         return parts
 
     def by_paper(quantity: str, kind: str) -> pd.Series:
