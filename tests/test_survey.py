@@ -4,13 +4,12 @@ import math
 
 import numpy as np
 import pytest
-from decode_oracle import exhaustive
 from numpy.testing import assert_allclose, assert_array_equal
 
 from analytic import beam, clearance, decode, parts, survey
 from analytic.clearance import magnet_gaps, wall_gaps, warnings
 from analytic.force_resolution import at_shifts, force_resolution
-from analytic.inverse import forward_model, response_surface
+from analytic.inverse import forward_model, pose_search, response_surface
 from geometry.design import BadInput, Design, paper
 from studies.sensing import decode_readings
 
@@ -43,6 +42,24 @@ def test_condition_sign_and_noise_are_those_of_differences(level, layout):
     assert_allclose(seen.condition, np.linalg.cond(jacobians), rtol=1e-5)
     covariance = np.linalg.inv(jacobians) @ np.diag(coder.sigma**2) @ np.linalg.inv(jacobians).swapaxes(1, 2)
     assert_allclose(seen.noise_mm, np.sqrt(np.linalg.eigvalsh(covariance)[:, -1]), rtol=1e-5)
+
+
+def exhaustive(coder, field):
+    """All poses of one set of readings, from starts all over the workspace."""
+    field = np.ascontiguousarray(field)
+    axes = [np.linspace(a + 0.01, b - 0.01, n) for a, b, n in zip(coder.low, coder.high, (11, 11, 6), strict=True)]
+    starts = np.stack(np.meshgrid(*axes, indexing="ij")).reshape(3, -1).T
+    goal = coder.goal._replace(floor=coder.low - 0.5, roof=coder.high + 0.5)
+    ends = [
+        pose_search.newton(start, np.inf, field, coder.forward.kernel, goal) for start in np.ascontiguousarray(starts)
+    ]
+    found = np.array([shift[0] if end == pose_search.POSE else np.full(3, np.nan) for end, shift, _ in ends])
+    inside = (found > coder.low - 1e-6).all(axis=1) & (found < coder.high + 1e-6).all(axis=1)
+    distinct = []
+    for pose in found[inside]:
+        if all(np.abs(pose - other).max() > 2e-5 for other in distinct):
+            distinct.append(pose)
+    return np.array(distinct)
 
 
 def test_multiplicity_is_that_of_an_exhaustive_search():
