@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import skfem
 
-from fem.model import angular_fields, element_assembly, elements, gradient_recovery, material, rigid_inclusion
+from fem.model import angular_fields, elements, gradient_recovery, material, rigid_inclusion
 from fem.model.material import lame
 from fem.model.nonlinear_system import NONE, System
 from fem.model.plate_contact import Bond, Plate
@@ -151,7 +151,6 @@ LAWS = {
     "yeoh": (0.1, 0.02),
     "ogden": (1.3, -2.0, 0.3),
 }
-REL = 1e-12
 
 
 def whole(upper):
@@ -183,23 +182,6 @@ def test_residual_is_the_derivative_of_the_energy_and_tangent_of_the_residual(na
     assert (ahead.energy - behind.energy) / (2 * step) == pytest.approx(here.residual @ direction, rel=1e-6)
     slope = (ahead.residual - behind.residual) / (2 * step)
     np.testing.assert_allclose(whole(here.tangent) @ direction, slope, atol=2e-5 * np.abs(slope).max())
-
-
-@pytest.mark.parametrize("name", ["harmonics", "half ball"])
-def test_results_do_not_depend_on_the_size_of_batches(name, monkeypatch):
-    system, flat = plate(name, 0.02)
-    q = smooth(system)
-    first = system.assemble(system.admissible(q), flat)
-    monkeypatch.setattr(element_assembly, "BATCH", 100)
-    cut, _ = plate(name, 0.02)
-    second = cut.assemble(cut.admissible(q), flat)
-    assert len(cut._loops._batches) > 5
-    assert second.energy == pytest.approx(first.energy, rel=REL)
-    scale = np.abs(first.forces).max()
-    np.testing.assert_allclose(second.residual, first.residual, rtol=REL, atol=REL * scale)
-    scale = np.sqrt(np.abs(first.matrix.diagonal()))
-    difference = np.abs(second.matrix - first.matrix).tocoo()
-    assert (difference.data <= REL * np.maximum(scale[difference.row] * scale[difference.col], 1)).all()
 
 
 def test_strains_that_are_kept_are_those_of_the_state():

@@ -244,25 +244,6 @@ def test_fields_edited_afterwards_are_refused(made):
 # What `magtip design` and `mesh` say of a design, and the file that is written.
 
 
-def test_design_json(run, strict):
-    status, out, err = run("design", "paper", "--set", "E=2", "--json")
-    assert (status, err) == (0, "")
-    (record,) = strict(out)
-    fields = {key: record.pop(key) for key in Design.__slots__}
-    assert Design(**fields).E == 2.0
-    assert set(record) == {"derived", "assumed", "warnings"}
-    assert "magnet_height" in record["assumed"]
-    assert not {"D", "E"} & set(record["assumed"])
-    assert record["derived"]["H_mm"] == 5.0
-    assert record["derived"]["rest_readings_V"][0] == pytest.approx(2.87, abs=0.01)
-    (bare,) = strict(run("design", "paper", "--set", "magnet_diameter=0", "--set", "magnet_height=0", "--json")[1])
-    assert [bare["derived"][name] for name in ("wall_mm", "magnet_volume_mm3", "rest_readings_T")] == [
-        None,
-        0.0,
-        None,
-    ]
-
-
 def test_design_shows_the_chip_in_use_and_where_averaging_leaves_its_steps(run, strict):
     words = ("--set", "hall_layout=tlv493d-a1b6", "--set", "hall_average=16", "--set", "l0=9")
     (record,) = strict(run("design", "paper", *words, "--json")[1])
@@ -289,15 +270,3 @@ def test_design_gives_the_outer_size_or_says_why_not(run, strict):
         text.startswith("the size of the assembled sensor is unknown: l0 must be at least 9.2")
         for text in record["warnings"]
     )
-
-
-def test_mesh(run, tmp_path, strict):
-    status, out, err = run("mesh", "paper", "--out", "mesh.vtu", "--size", 2, "--json")
-    assert (status, err) == (0, "")
-    (record,) = strict(out)
-    assert (record["status"], record["size_mm"]) == ("ok", 2.0)
-    assert max(abs(record[f"{name}_volume_error"]) for name in ("silicone", "magnet")) < 1e-5
-    assert abs(record["base_error"]) < 1e-4
-    assert record["least_jacobian"] > 0
-    assert 0 < record["gap_mm"] < 0.1
-    assert [path.name for path in tmp_path.glob("[!.]*")] == ["mesh.vtu"]
