@@ -23,6 +23,7 @@ from fem.accuracy import QUICK
 from fem.equilibrium import solve
 from geometry.design import paper
 from geometry.loads import Load
+from studies.output.page_templates import rendered
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -227,68 +228,16 @@ def main(out, moves=1000):
             (out / f"{name}.png").write_bytes(sheet.screenshot(full_page=True))
             sheet.close()
     (out / "session.json").write_text(json.dumps(evidence, indent=1) + "\n")
-    (out / "EXPLORER.md").write_text(in_words(evidence))
+    (out / "EXPLORER.md").write_text(in_words(**evidence) + "\n")
 
 
-def in_words(evidence):
-    """The evidence as a page of Markdown."""
+def in_words(**evidence):
+    """The evidence as a page of Markdown, by the template beside this file; without `memory` the latencies only."""
     command = ["git", "-C", str(ROOT), "describe", "--always", "--dirty", "--abbrev=7"]
     commit = subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
-    memories = "\n".join(f"| {one['moves']} | {one['server_MB']} | {one['heap_MB']} |" for one in evidence["memory"])
-    return f"""# The live page, measured
-
-`python tests/explorer_session.py results/explorer` drives the page in headless Chromium, with its real server, at
-commit {commit}. The machine has {evidence["cores"]} cores, which server, browser and both workers share; its load
-average was {evidence["load_average_at_start"]:g} before. Chromium draws without a graphics card.
-
-![Press and shear](explorer.png)
-
-![Two designs side by side](compare.png)
-
-## From slider to picture
-
-{latency_in_words(evidence["slider_to_picture"])}
-
-## Random moves in a row
-
-Sliders, choices, the plate, undo and redo, views, a second design. Memory is that of the server with both workers,
-and that of the page's JavaScript.
-
-| moves | server MB | page MB |
-|---|---|---|
-{memories}
-
-Messages on the console: {len(evidence["console"])}.
-"""
-
-
-def latency_in_words(table):
-    """The times from slider to picture as Markdown."""
     goals = {name: goal or "none" for name, *_, goal in DRAGS}
-    times = "\n".join(
-        f"| {name} | {one['steps']} | {one['median_ms']:.0f} | {one['p95_ms']:.0f} | {goals[name]} |"
-        for name, one in table.items()
-    )
-    columns = [(name, share) for name in table for share in ("mean_ms", "slowest_ms")]
-    head = " | ".join(f"{name}, {'all' if share == 'mean_ms' else 'slowest tenth'}" for name, share in columns)
-    stages = "\n".join(
-        f"| {text} | {' | '.join(f'{table[name][share][stage]:.0f}' for name, share in columns)} |"
-        for stage, text in STAGES.items()
-    )
-    return f"""A drag of a slider at level quick, with a move every 25 ms, in a page that Chromium composes without
-OpenGL, as it does by itself where there is no graphics card. The time of a move lasts until the first picture whose
-finite-element solution is that of this move or a later one.
-
-| slider | moves | median ms | 95th percentile ms | goal ms |
-|---|---|---|---|---|
-{times}
-
-What these times consist of, means in ms. A move that comes while the worker solves an earlier one waits for the
-picture after it, so the slowest moves last as long as two solves.
-
-| stage | {head} |
-|---|{"---|" * len(columns)}
-{stages}"""
+    values = {"commit": commit, "goals": goals, "stages": STAGES, "memory": None}
+    return rendered(Path(__file__).with_suffix(".md.j2"), **values | evidence)
 
 
 WITHOUT_OPENGL = ("--disable-gpu-compositing", "--disable-gpu-rasterization", "--disable-accelerated-2d-canvas")
@@ -320,6 +269,6 @@ SCREENS = (
 
 if __name__ == "__main__":
     if sys.argv[1] == "--latency":
-        print(latency_in_words(latency()))
+        print(in_words(slider_to_picture=latency()))
     else:
         main(Path(sys.argv[1]), int(sys.argv[2]) if len(sys.argv) > 2 else 1000)

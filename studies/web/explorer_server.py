@@ -218,13 +218,7 @@ class Live(Ours, tornado.websocket.WebSocketHandler):
 
 
 def parsed(text: str | bytes) -> object:
-    """Return what a page has sent as JSON.
-
-    Raises
-    ------
-    BadInput
-        It is not JSON.
-    """
+    """Return what a page has sent as JSON, or refuse it."""
     try:
         return json.loads(text)
     except (ValueError, RecursionError):
@@ -385,13 +379,7 @@ def serve(
     ready: Callable[[str], None],
     measuring: Measuring | None = None,
 ) -> None:
-    """Serve the page until Ctrl-C.
-
-    Parameters
-    ----------
-    changed, port, needed, made : as of `start`.
-    ready : called with the address when the server listens.
-    """
+    """Serve the page until Ctrl-C; `ready` takes its address when the server listens, for the rest see `start`."""
 
     async def served() -> None:
         running = start(changed, port, needed, made, measuring.zero if measuring else None)

@@ -286,13 +286,7 @@ class Workers:
             self._timers[key] = self._loop.call_later(REST, self._refine, key, request, send)
 
     async def export(self, name: str, request: Request) -> bytes:
-        """Return the file of a request.
-
-        Raises
-        ------
-        BadInput
-            The state cannot be solved.
-        """
+        """Return the file of a request, or refuse a state that cannot be solved."""
         file: asyncio.Future[bytes] = self._loop.create_future()
         key = ("export", id(file))
         job = Job(request, request.state.level, name, time.monotonic())

@@ -73,13 +73,7 @@ class Contents:
 
 
 def read(root: Path) -> list[Contents]:
-    """Read a folder and its sub-folders, those with something to show, the folder itself first.
-
-    Raises
-    ------
-    BadInput
-        There is no such folder, it holds no results, or a newer version of magtip made it.
-    """
+    """Read a folder, first, and its sub-folders, those with something to show; refuse one without results."""
     if not root.exists():
         raise BadInput(f"there is no folder {str(root)!r}: give a folder that a verb filled by --out")
     if not root.is_dir():

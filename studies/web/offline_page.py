@@ -50,12 +50,6 @@ SECTORS = 12
 """Sectors of half a turn of the sensor in 3D: half of those of the live page, for the size of the file."""
 POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
 """Nothing is loaded from, or sent to, any address."""
-STYLE = "#about-model { padding: 6px 16px; font-size: 13px } #about-model p { margin: 4px 0 0 }"
-HIDDEN = (
-    'label:has(#view-level), [data-export="mold.zip"], [data-export="fields.vtu"], #vibration-panel, #loop-panel, '
-    "#margins-panel { display: none }"
-)
-"""Controls and panels that need a server."""
 
 Data = dict[str, Any]
 
@@ -87,13 +81,7 @@ def stops_of(design: Design, magnet: Magnet) -> Stops:
 
 
 def write(design: Design, path: Path, progress: Progress = lambda *_: None) -> Path:
-    """Solve for the states of a design and write its page; return its path.
-
-    Raises
-    ------
-    BadInput
-        No press of the design could be solved.
-    """
+    """Solve for the states of a design, some of which must be presses, and write its page; return its path."""
     magnet = magnet_of(design)
     stops = stops_of(design, magnet)
     states = answers(design, magnet, stops, LEVELS[LEVEL], progress)
@@ -205,7 +193,7 @@ def page(design: Design, stops: Stops, states: list[list[Data]]) -> str:
     )  # fmt: skip
     text = (PAGE / INDEX).read_text(encoding="utf-8")
     text = text.replace("<head>", f'<head>\n<meta http-equiv="Content-Security-Policy" content="{POLICY}">', 1)
-    text = text.replace("</head>", f"<style>{STYLE} {HIDDEN}</style>\n</head>", 1)
+    text = text.replace("<body>", '<body class="offline">', 1)
     text = text.replace('<p id="notice"', f'{about}\n<p id="notice"', 1)
     text = text.replace("Reset to the paper's sensor", "Reset the load")
     text = re.sub(r'<link rel="stylesheet" href="([^"]+)">', lambda link: _style(link[1]), text)

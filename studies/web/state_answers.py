@@ -283,12 +283,7 @@ def formula(design: Design, load: Load, level: str) -> Data:
 
 
 def curve(design: Design, magnet: Magnet, level: str, *, estimate: bool) -> Data:
-    """Return the curve by finite elements; states beyond the first that fails are left out.
-
-    Parameters
-    ----------
-    estimate : with error estimates, as half widths.
-    """
+    """Return the curve by finite elements; states beyond the first that fails are left out."""
     loads, _ = default_loads(design)
     states = trace(design, loads, LEVELS[level], magnet=magnet, estimate=estimate)
     solved = [state for state in states if state.status in ("ok", "unstable")]

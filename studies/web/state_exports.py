@@ -168,13 +168,7 @@ def _literal(value: float | str | None) -> str:
 
 
 async def mold(state: ExplorerState) -> bytes:
-    """Return the archive of everything that `magtip cad` writes for a design, made by a process that ends with it.
-
-    Raises
-    ------
-    BadInput
-        The mould cannot be made; the sentence is that of the command.
-    """
+    """Return the archive of what `magtip cad` writes for a design, or its refusal, by a process that ends with it."""
     command = line("cad", state, {"--out": "mold"})
     with processes(1, tries=1) as executor:
         made = asyncio.wrap_future(executor.submit(_mold_archive, (state.design, command)))

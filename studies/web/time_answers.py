@@ -61,13 +61,7 @@ class Vibrating:
 
 
 def prepare(design: Design, load: Load, magnet: Magnet, level: str) -> Vibrating:
-    """Solve for the state at rest and its vibrations at all frequencies that branches and mesh carry.
-
-    Raises
-    ------
-    BadInput
-        The load is none about which the sensor vibrates, or the state is not reached or not stable.
-    """
+    """Solve for a stable state at rest and its vibrations at all frequencies that branches and mesh carry."""
     accuracy = LEVELS[level]
     relaxation = relaxation_of(design)
     low, high = relaxation.speaks_for_frequencies if relaxation.times else (LOWEST_ELASTIC, math.inf)

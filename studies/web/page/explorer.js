@@ -5,6 +5,7 @@ const Explorer = (() => {
   const NEAR = 0.9;
   const REST = 250;
   const MOST_UNDO = 45;
+  const FIGURES = 100;
   // Choices of the view, the first one the default; those that the server answers are asked for.
   const VIEWS = {
     level: ["standard", "quick"],
@@ -228,9 +229,8 @@ const Explorer = (() => {
     else if (all.has("turn")) drawSensor(false);
     if (all.has("state") || Requests.PARTS.some((part) => all.has(part))) {
       drawNumbers();
-      // the picture comes first
-      clearTimeout(later);
-      later = setTimeout(drawFigures, 0);
+      // the picture comes first, and next to a hand that moves figures follow some times a second
+      later ||= setTimeout(drawFigures, FIGURES);
     }
     if (all.has("commands"))
       for (const node of document.querySelectorAll("[data-command]")) {
@@ -364,6 +364,7 @@ const Explorer = (() => {
   }
 
   function drawFigures() {
+    later = 0;
     const list = shownSides();
     const models = [undefined, "finite elements", "paper's formula", `formula ${view.formula}`];
     for (const [name, figure] of Object.entries(views.figures)) {
