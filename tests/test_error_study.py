@@ -53,29 +53,24 @@ def test_loads_leave_room_for_the_magnet_and_deep_presses_begin_beyond_the_other
         assert deep[-1].depth <= 0.4501 * (design.L - design.magnet_height * (magnet == "rigid"))
 
 
-def test_the_study_judges_the_estimates_that_a_user_gets(solved):
+def test_the_study_judges_the_estimates_that_a_user_gets_by_the_true_error_to_the_reference(solved):
     """Also in the press before a shear, which is on the mesh of the shears."""
     paths, answers = solved
-    states = accuracy_study.compare(paths, *answers).to_dict("records")
-    assert {one["status"] for one in states} == {"ok"}
+    states = accuracy_study.compare(paths, *answers)
+    assert set(states.status) == {"ok"}
+    assert list(states.scene) == [*["press"] * 3, "pressed", "stick", "stick"]
     solutions = [
         s for scene in ("press", "stick") for s in equilibrium.trace(paper(), task(scene).trial.loads, QUICK)
     ]
-    for one, solution in zip(states, solutions, strict=True):
-        assert one["force_estimate"] == pytest.approx(solution.estimates.force, rel=1e-6)
-        assert one["shift_estimate"] == pytest.approx(solution.estimates.shift, rel=1e-6)
-        assert one["force_z_N"] == pytest.approx(solution.response.force[2], rel=1e-8)
-    assert states[-1]["sideways_estimate"] == pytest.approx(solutions[-1].estimates.sideways, rel=1e-6)
-    assert [one["scene"] for one in states] == [*["press"] * 3, "pressed", "stick", "stick"]
-
-
-def test_the_true_error_is_that_to_the_reference(solved):
-    paths, answers = solved
-    states = accuracy_study.compare(paths, *answers)[:3]
+    for one, solution in zip(states.itertuples(), solutions, strict=True):
+        estimates = solution.estimates.force, solution.estimates.shift
+        assert (one.force_estimate, one.shift_estimate) == pytest.approx(estimates, rel=1e-6)
+        assert one.force_z_N == pytest.approx(solution.response.force[2], rel=1e-8)
+    last = states.iloc[2]
+    assert states.sideways_estimate.iloc[-1] == pytest.approx(solutions[-1].estimates.sideways, rel=1e-6)
     # quick presses of the paper's sensor keep their promise
     for name in ("force", "shift"):
-        assert (states[f"{name}_error"] <= np.minimum(states[f"{name}_estimate"], 0.03)).all()
-    last = states.iloc[2]
+        assert (states[f"{name}_error"][:3] <= np.minimum(states[f"{name}_estimate"][:3], 0.03)).all()
     off = abs(last["force_z_N"] / last["reference_force_z_N"] - 1)
     assert 0 < last["force_error"] == pytest.approx(off, rel=1e-6)
     assert math.isnan(last["tilt_error"])
@@ -91,18 +86,14 @@ def test_a_state_that_was_not_reached_is_listed_and_left_out(solved):
     assert states["message"][1] == "reference: stopped at depth 0.3 mm"
 
 
-def test_the_full_study_covers_all_levels_scenes_and_models():
+def test_the_full_study_covers_all_levels_scenes_and_models_and_holds_the_reference_against_a_finer_one():
     made = accuracy_study.tasks()
     assert {task.level.name for task in made} == {*LEVELS, "reference"}
     for scene in ("press", "stick", "grip"):
-        assert {(t.trial.number, t.trial.magnet) for t in made if t.trial.scene == scene} == {
-            (n, magnet) for n in range(12) for magnet in ("rigid", "ignored")
-        }
+        found = {(t.trial.number, t.trial.magnet) for t in made if t.trial.scene == scene}
+        assert found == {(n, magnet) for n in range(12) for magnet in ("rigid", "ignored")}
     assert {t.trial.scene for t in made if t.trial.model == "half"} == {"press", "stick"}
-
-
-def test_the_reference_is_held_against_a_finer_one():
-    checked = [one for one in accuracy_study.tasks() if one.level.name == "reference"]
+    checked = [one for one in made if one.level.name == "reference"]
     assert {one.trial.scene for one in checked} == {"press", "stick"}
     for one in checked:
         assert one.reference.section_size < one.level.section_size
