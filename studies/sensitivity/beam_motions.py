@@ -26,6 +26,7 @@ from studies.mechanics import surrogate_range, surrogate_response
 from studies.mechanics.prediction import Beams
 from studies.mechanics.study_cases import varied
 from studies.sensing.field_readings import columns as element_columns
+from studies.sensitivity.made_sensors import possible
 
 SURROGATE = "surrogate"
 MODELS = (SURROGATE, *beam.LEVELS)
@@ -241,7 +242,7 @@ def sampled_outputs(
     """
     columns = dict(zip(ranges, points.T, strict=True))
     fields = {name: values for name, values in columns.items() if name in study_input.DESIGN}
-    made = [_varied(design, {name: float(of[k]) for name, of in fields.items()}) for k in range(len(points))]
+    made = [possible(varied, design, {name: float(of[k]) for name, of in fields.items()}) for k in range(len(points))]
     designs, impossible = zip(*made, strict=True)
     depth, shear = (columns.get(name, np.full(len(points), getattr(load, name))) for name in ("depth", "shear"))
     moved = motions(model, designs, depth[:, None], shear[:, None])
@@ -253,13 +254,6 @@ def sampled_outputs(
         outputs[name] = scale * read[:, 0, k], scale * half_widths[:, 0, k]
     refusals = zip(impossible, moved.refusals[:, 0], strict=True)
     return outputs, tuple(reason or str(refused) for reason, refused in refusals)
-
-
-def _varied(design: Design, fields: Mapping[str, float]) -> tuple[Design | None, str]:
-    try:
-        return varied(design, fields), ""
-    except BadInput as error:
-        return None, str(error)
 
 
 def relative_half_width(value: Array, half_width: Array) -> float:

@@ -21,6 +21,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.special import ndtr, ndtri
@@ -155,7 +156,7 @@ def made_sensors(
         **{name: of_parts(unit[name]) for name, of_parts in batches.items()},
     }
     rows = [dict(zip(fields, row, strict=True)) for row in np.column_stack(list(fields.values())).tolist()]
-    designs, refusals = zip(*(_possible(design, row) for row in rows), strict=True)
+    designs, refusals = zip(*(possible(dataclasses.replace, design, **row) for row in rows), strict=True)
     places = np.stack([deviation[name] for name in ("hall_x", "hall_y", "hall_z")], axis=-1)
     chip = design.hall_layout != "three"
     return MadeSensors(
@@ -207,9 +208,10 @@ def _unit_deviations(count: int, seed: int, elements: int = 3) -> dict[str, Arra
     return deviations
 
 
-def _possible(design: Design, fields: Mapping[str, float]) -> tuple[Design | None, str]:
+def possible(make: Callable[..., Design], *given: Any, **fields: float) -> tuple[Design | None, str]:
+    """Return what is made of these, or None and why it is impossible."""
     try:
-        return dataclasses.replace(design, **fields), ""  # type: ignore[arg-type]
+        return make(*given, **fields), ""
     except BadInput as error:
         return None, str(error)
 

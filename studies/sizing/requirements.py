@@ -22,46 +22,7 @@ from geometry.fabrication.printability import PROCESSES
 from geometry.hall_chips import CIRCLES
 from studies.inputs.user_input import check_keys, quantity, toml_table, validated
 
-EXAMPLE = """\
-# Requirements for `magtip size`. All keys but force_z are optional; a number may be a text with its unit.
-version = 1                        # of this format
-force_z = "5 N"                    # normal force of the press
-force_x = "2 N"                    # force along the plate, in any direction
-friction = 0.8                     # of the plate; default: 0.8
-press_with_shear = "2.5 N"         # least press under which force_x is needed; default: force_x / friction
-resolution_z = "50 mN"             # standard deviation of the decoded force at the worst load
-resolution_x = "50 mN"
-bandwidth = "100 Hz"               # of the readings, which sets their noise
-samples = 16                       # readings that are averaged
-chips = 3                          # largest number of 3-axis chips of a sensor, up to 3; default: 1
-converter_noise = "0.244 mV"       # rms, of the converter that reads one-axis parts; default: NI 9205
-converter_step = "0.305 mV"        # default: NI 9205
-largest_strain = "100 %"           # of the silicone, under any load
-no_saturation = true               # no reading reaches a rail; default: true
-unique_decoding = true             # no two loads have the same readings; default: true
-stability_margin = 1.2             # critical depth over the depth of the press; default: 1
-drift_per_K = "2 %"                # of the decoded forces by temperature, of full scale
-hysteresis = "10 %"                # gap of loading and unloading at mid-stroke, of full scale
-speed = "1 mm/s"                   # of the plate, for hysteresis
-first_mode = "50 Hz"               # lowest natural frequency of the unloaded sensor
-outer_size = "20 mm"               # diameter or side of the base
-outer_shape = "round"              # or square; default: round
-height = "30 mm"                   # from the underside of the base to the tip
-process = "sla"                    # that prints mould and base, sla or fdm; default: fdm
-# wall = "0.5 mm"                  # thinnest printed wall or pin; default: that of the process
-# D = ["6 mm", "10 mm"]            # range of the diameter, or one value
-# range_cap = 3                    # loads beyond so many times the required ones have no value; default: none
-# catalogues = ["my_parts.toml"]   # catalogues of the user, see `magtip catalogue`
-# shipped = ["magnets"]            # shipped catalogues in use; default: all three
-# magnets = ["4x2 N35"]            # names of the parts in use; default: all of the catalogues
-# hall_parts = ["SS495A"]
-# silicones = ["Dragon Skin 30"]
-seed = 0                           # of the search
-[weights]                          # of the ranking; default: 1 each
-range = 1
-resolution = 1
-size = 1
-"""
+EXAMPLE = Path(__file__).with_name("requirements_example.toml").read_text("utf-8")
 """A file of requirements with all keys."""
 VERSION = 1
 """Newest version of the format of requirements."""

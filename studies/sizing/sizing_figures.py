@@ -33,8 +33,8 @@ def front(table: pd.DataFrame) -> list[Figure]:
     """Return the front in its objectives, and how far the surrogate was from finite elements."""
     import pandas as pd
 
-    names, kinds, rank = _names(table), _kinds(table), numbers(table, "rank")
-    passed = int(table["status"].isin(ANSWERED).sum())
+    names, rank, ok = _names(table), numbers(table, "rank"), table["status"].isin(ANSWERED)
+    kinds, passed = np.where(~ok, REMOVED, np.where(rank == 1, BEST, PASSED)), int(ok.sum())
     figures = []
     for across, up, title in FRONTS:
         if numbers(table, across).nunique() < 2 or numbers(table, up).nunique() < 2:
@@ -88,11 +88,6 @@ def _names(table: pd.DataFrame) -> list[str]:
     sizes = [f"D {D:g} mm, L {L:g} mm" for D, L in zip(numbers(table, "D_mm"), numbers(table, "L_mm"), strict=True)]
     parts = [texts(table, name) for name in ("magnet", "silicone", "hall_part")]
     return [", ".join(text for text in texts_of if text) for texts_of in zip(sizes, *parts, strict=True)]
-
-
-def _kinds(table: pd.DataFrame) -> Any:
-    passed = table["status"].isin(ANSWERED)
-    return np.where(~passed, REMOVED, np.where(numbers(table, "rank") == 1, BEST, PASSED))
 
 
 def _value(table: pd.DataFrame, column: str, row: int) -> str:

@@ -8,6 +8,7 @@ more than some ten thousand cases every k-th value of its longest axes is drawn,
 
 from __future__ import annotations
 
+import csv
 import itertools
 import math
 from collections import Counter
@@ -35,29 +36,9 @@ MODELS = ("fem", "analytic", "chosen")
 """Beginnings of the columns of results; the name of an accuracy or of a level may follow."""
 PLAIN = ("response", "loop", "critical", "mode1")
 """Beginnings of the columns of results that the finite elements alone have."""
-QUANTITIES = {
-    "force_N": "press force (N)",
-    "force_x_N": "force along the shear (N)",
-    "shift_z_mm": "vertical motion of the magnet (mm)",
-    "shift_x_mm": "sideways motion of the magnet (mm)",
-    "tilt_rad": "tilt (rad)",
-    "S1_V": "output of S1 (V)",
-    "strain": "strain of 99.9 % of the silicone",
-    "critical_depth_mm": "critical depth (mm)",
-    "mode1_Hz": "first natural frequency (Hz)",
-    "response_gain": "gain of the magnet's shift per N",
-    "response_bandwidth_Hz": "-3 dB bandwidth per N (Hz)",
-    "response_resonance_Hz": "first resonance per N (Hz)",
-    "loop_gap_percent": "gap of the loop at mid-stroke (% of full scale)",
-}
-"""Quantities that are drawn, and the names of their axes."""
-ERRORS = {
-    "force_N": ("force_error_percent", "press force"),
-    "force_x_N": ("force_x_error_percent", "force along the shear"),
-    "shift_z_mm": ("shift_error_percent", "motion of the magnet"),
-    "tilt_rad": ("tilt_error_percent", "tilt"),
-}
-"""Columns and names of the errors of these quantities, in %."""
+with Path(__file__).with_name("sweep_quantities.csv").open(encoding="utf-8", newline="") as _file:
+    QUANTITIES = {row["quantity"]: row for row in csv.DictReader(_file)}
+"""Quantities that are drawn: names of their axes, and columns and names of their errors, in %."""
 OTHER_ENDS = ("force", "shift", "tilt", "contact", "radius", "critical", "decoded")
 """Last words of what stands before the name of a quantity in a column of another quantity."""
 MOST_COLOURS = 6
@@ -260,7 +241,7 @@ def _over_grid(table: pd.DataFrame, axes: Sequence[str], quantity: str) -> Itera
     columns = models_of(table, quantity)
     solved = table[~table["failed"]]
     columns = [name for name in columns if solved[name].notna().any()] or columns
-    label = QUANTITIES[quantity]
+    label = QUANTITIES[quantity]["label"]
     look, words = view(table, axes, columns), in_words(label)
     used = {look.x, look.second, *look.panels, *look.folded}
     idle = [in_words(a) for a in axes if table[a].nunique() > 1 and a not in used]
@@ -277,7 +258,7 @@ def _over_grid(table: pd.DataFrame, axes: Sequence[str], quantity: str) -> Itera
     shown = {columns[0]: models[columns[0]]} if look.maps else models
     styles = tuple(models.values())
     yield from _drawn((title, caption), table, look, label, shown, notes if idle and len(solved) else [], styles)
-    error, name = ERRORS.get(quantity, ("", ""))
+    error, name = QUANTITIES[quantity]["error"], QUANTITIES[quantity]["error_of"]
     errors = [column for column in (models_of(table, error) if error else []) if solved[column].notna().any()]
     if not errors:
         return
@@ -414,11 +395,11 @@ def effect(x: Array, y: Array) -> float:
 def _scattered(table: pd.DataFrame, axes: Sequence[str], quantity: str) -> Iterator[Figure]:
     import pandas as pd
 
-    error, name = ERRORS.get(quantity, ("", ""))
+    error, name = QUANTITIES[quantity]["error"], QUANTITIES[quantity]["error_of"]
     errors = models_of(table, error) if error else []
     solved = table[~table["failed"]]
     numeric = [axis for axis in axes if table[axis].dtype.kind in "fiu"]
-    label = QUANTITIES[quantity]
+    label = QUANTITIES[quantity]["label"]
 
     def by_effect(column: str) -> list[str]:
         return sorted(numeric, key=lambda axis: -effect(*(solved[k].to_numpy(float) for k in (axis, column))))
