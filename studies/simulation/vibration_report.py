@@ -432,8 +432,18 @@ def natural_frequencies(
     else:
         values = (solution.frequency, solution.estimates, solution.shape)
         found = {name: list(each) for name, each in zip(found, values, strict=True)}
-        status = solution.status
-        message = "; ".join(filter(None, [solution.message, _band_message(solution.frequency, solution.shape)]))
+        first = _first(solution.frequency, solution.shape)
+        # A slow load at f excites an undamped oscillator of frequency f1 by 1 / (1 - (f / f1)^2), which is 1.05 at
+        # f = 0.22 f1. Ovalling and torsion leave the magnet where it is, so they do not change the readings.
+        slow = {shape: f * (1 - 1 / 1.05) ** 0.5 for shape, f in first.items() if shape in ("bending", "axial")}
+        said = sentences(
+            "modes",
+            inside=[f"{shape} {f:.0f} Hz" for shape, f in first.items() if f < BAND],
+            slow=[f"{f:.0f} Hz for {shape} motion" for shape, f in slow.items()],
+            highest=max(solution.frequency),
+            band=BAND,
+        )
+        status, message = solution.status, "; ".join(filter(None, [solution.message, *said]))
     beam_only, with_magnet = spring_mass(design)
     record = {"status": status, "message": message, "depth_mm": depth, **found}
     record |= {"spring_mass_Hz": beam_only, "spring_mass_with_magnet_Hz": with_magnet}
@@ -443,18 +453,3 @@ def natural_frequencies(
 def _first(frequencies: Sequence[float], shapes: Sequence[str]) -> dict[str, float]:
     # later entries of a dict replace earlier ones
     return {shape: f for f, shape in reversed(list(zip(frequencies, shapes, strict=True)))}
-
-
-def _band_message(frequencies: tuple[float, ...], shapes: tuple[str, ...]) -> str:
-    first = _first(frequencies, shapes)
-    # A slow load at f excites an undamped oscillator of frequency f1 by 1 / (1 - (f / f1)^2), which is 1.05 at
-    # f = 0.22 f1. Ovalling and torsion leave the magnet where it is, so they do not change the readings.
-    slow = {shape: f * (1 - 1 / 1.05) ** 0.5 for shape, f in first.items() if shape in ("bending", "axial")}
-    (text,) = sentences(
-        "modes",
-        inside=[f"{shape} {f:.0f} Hz" for shape, f in first.items() if f < BAND],
-        slow=[f"{f:.0f} Hz for {shape} motion" for shape, f in slow.items()],
-        highest=max(frequencies),
-        band=BAND,
-    )
-    return text

@@ -200,8 +200,8 @@ class Candidates:
     def three(self) -> NDArray[np.bool_]:
         return self.space.three[self.choices[:, 2]]
 
-    def _seat(self, read: Any) -> Array:
-        return np.array([read(seat) for seat in self.space.seats], dtype=float)[self.choices[:, 2]]
+    def _seat(self, name: str) -> Array:
+        return np.array([getattr(seat, name) for seat in self.space.seats], dtype=float)[self.choices[:, 2]]
 
     @property
     def count(self) -> Ints:
@@ -224,7 +224,7 @@ class Candidates:
         """Return l0, f and c of each candidate, shape (n,), mm; of chips, f is the radius of their circle, and c has
         no meaning."""
         fit, part = self.space.fit, SS495A
-        roof = self._seat(lambda seat: seat.roof)
+        roof = self._seat("roof")
         least = np.round(_raised(self.H + roof + WEB), 9)
         # the base compares without a tolerance
         least = np.where(self.H - least + roof > -WEB, least + ROUNDING, least)
@@ -234,7 +234,7 @@ class Candidates:
         )
         least = np.round(_raised(beside + part.depth + fit), 9)
         least = np.where(least - part.depth - fit < beside, least + ROUNDING, least)
-        f = np.where(self.three, least, self._seat(lambda seat: seat.circle)) + self.lengths[:, 3]
+        f = np.where(self.three, least, self._seat("circle")) + self.lengths[:, 3]
         return tuple(np.round(each, 9) for each in (l0, f, l0 - self.H + self.lengths[:, 4]))  # type: ignore[return-value]
 
     def circle(self) -> Array:
@@ -281,23 +281,20 @@ class Candidates:
         half = part.width / 2 + fit + np.where(post, wall, 0.0)
         far = f - part.depth + part.thickness + fit + np.where(post, wall, 0.0)
         # the seat of S1, or of each chip on the circle
-        x, y = (
-            [self._seat(lambda seat, k=k: seat.reach[k]) + np.abs(at) for at in ends]
-            for k, ends in enumerate(np.moveaxis(self.circle(), 1, 0))
-        )
+        x, y = self._seat("reach").T[:, None] + np.abs(np.moveaxis(self.circle(), 1, 0))
         R, hole = self.D / 2, 0.0 if choices.is_round else 1.1
         if choices.is_round:
             reach = np.maximum(np.hypot(x, y).max(axis=0), np.where(three, np.hypot(far, half), 0.0))
             outer = np.maximum(R + process.fit + wall, reach + wall)
         else:
-            reach = np.maximum(np.max([*x, *y], axis=0), np.where(three, np.maximum(far, half), 0.0))
+            reach = np.maximum(np.maximum(x, y).max(axis=0), np.where(three, np.maximum(far, half), 0.0))
             at = np.maximum((R + hole + EDGE) / np.sqrt(2), reach + wall - hole)
             outer = np.maximum.reduce([at + hole + EDGE, R + EDGE, reach + wall])
         one_axis = np.maximum.reduce(
             [np.full(len(self), 3.0), part.thickness - part.depth - s1, part.height / 2 - level + WEB]
         )
-        thickness = np.where(three, one_axis, self._seat(lambda seat: seat.plate) - s1)
-        roof = s1 + self._seat(lambda seat: seat.roof) - fit
+        thickness = np.where(three, one_axis, self._seat("plate") - s1)
+        roof = s1 + self._seat("roof") - fit
         top = np.maximum(roof, np.where(three, level + part.height / 2, -np.inf))
         height = np.maximum.reduce([self.L, top, np.full(len(self), 0.4 if choices.is_round else 0.0)]) + thickness
         printed = np.minimum(self.magnet("diameter"), process.wall)

@@ -480,22 +480,17 @@ def _magnets(files: Sequence[CatalogueFile], grades: Mapping[str, Mapping[str, A
             for name in values["grades"]:
                 if name not in grades:
                     raise BadInput(f"{file.path}: {size}: there is no grade {name!r}: {nearest(name, grades)}")
-                merged[f"{size} {name}"] = _graded(values, name, grades[name])
+                grade, (low, high) = grades[name], grades[name]["remanence"]
+                merged[f"{size} {name}"] = MagnetEntry(
+                    **{key: value for key, value in values.items() if key not in ("grades", "name", "source")},
+                    name=f"{size} {name}",
+                    grade=name,
+                    remanence_low=low,
+                    remanence_high=high,
+                    largest_temperature=grade["largest_temperature"],
+                    source=f"{values['source']}; {name}: {grade['source']}",
+                )
     return merged
-
-
-def _graded(size: Mapping[str, Any], grade_name: str, grade: Mapping[str, Any]) -> MagnetEntry:
-    low, high = grade["remanence"]
-    values = {key: value for key, value in size.items() if key not in ("grades", "name", "source")}
-    return MagnetEntry(
-        name=f"{size['name']} {grade_name}",
-        grade=grade_name,
-        remanence_low=low,
-        remanence_high=high,
-        largest_temperature=grade["largest_temperature"],
-        source=f"{size['source']}; {grade_name}: {grade['source']}",
-        **values,
-    )
 
 
 def _in_use(kind: str, parts: Mapping[str, Part], requirements: Requirements) -> tuple[Part, ...]:

@@ -128,7 +128,7 @@ class Rows:
     def __init__(self, plan: Plan) -> None:
         self.plan = plan
         self._formulas: Recent[tuple[Response | None, str]] = Recent()
-        self._readings = StudyReadings(plan)
+        self._decoders: Recent[Any] = Recent(MOST_DECODERS)
         self.prefixes = prefixes(plan)
 
     def columns(self, batch: Batch, solved: Solved) -> Columns:
@@ -152,9 +152,9 @@ class Rows:
                 strain = _of_answers(batch, [answer.values.get("largest_strain") for answer in answers])
                 table[f"{self.prefixes[name]}largest_strain_percent"] = 100 * strain
         if "readings" in plan.quantities:
-            table |= self._readings.columns(batch, results)
+            table |= self._reading_columns(batch, results)
         if "decoded_force_error" in plan.quantities:
-            table |= self._readings.decoded(batch, results)
+            table |= self._decoded(batch, results)
         for name, answers in solved.others.items():
             table |= OTHERS[name](plan, batch, answers)
         if "l0" not in plan.axes:
@@ -242,57 +242,9 @@ class Rows:
             status, buckled = with_critical(status, solved.others["critical_depth"][k], problem)
         return status, "; ".join(filter(None, dict.fromkeys([*texts, buckled, *remarks])))
 
+    # Readings of the Hall elements, and forces that the formulas decode from them
 
-def with_critical(status: str, critical: Answer, problem: Problem) -> tuple[str, str]:
-    """Return the status of a press beside its critical depth, and what the one says of the other.
-
-    The mesh of the critical depth is finer where the contact ends: it is the closer one, but a state that one of the
-    two calls unstable is not called stable.
-    """
-    depth, stable = (critical.values.get(f"{name}_over_D") for name in ("critical_depth", "stable_to"))
-    if problem.design is None or problem.load is None:
-        return status, ""
-    D, load = problem.design.D, problem.load
-    if depth is None:
-        if stable is None or critical.message:
-            return status, ""
-        return status, f"no critical depth down to {stable * D:.4g} mm, where the search ends"
-    presses = load.depth > 0 and load == Load(load.depth)
-    if presses and status == "ok" and load.depth > depth * D:
-        return "unstable", f"the press buckles sideways at {depth * D:.4g} mm, now it is {load.depth:g} mm deep"
-    if presses and status == "unstable" and load.depth < depth * D:
-        return status, f"on the finer mesh of the critical depth it is stable down to {depth * D:.4g} mm"
-    return status, ""
-
-
-def _as_column(values: NDArray[Any]) -> NDArray[Any]:
-    if values.dtype.kind not in "OU":
-        return values
-    return np.array([v if isinstance(v, str) else f"{v:.12g}" for v in values.tolist()], dtype=object)
-
-
-def _of_sensors(batch: Batch, value: Callable[[Design], float]) -> Array:
-    """Return a number of each case's sensor; NaN for an impossible one."""
-    return np.array([NAN if design is None else value(design) for design in batch.sensors])[batch.sensor]
-
-
-def _of_problems(batch: Batch, value: Callable[[Design], float]) -> Array:
-    """Return a number of the design whose mechanics each case shares; NaN for an impossible one."""
-    return np.array([NAN if p.design is None else value(p.design) for p in batch.problems])[batch.problem]
-
-
-# Readings of the Hall elements, and forces that the formulas decode from them
-
-
-class StudyReadings:
-    """Computes the readings of batches of one study."""
-
-    def __init__(self, plan: Plan) -> None:
-        self.plan = plan
-        self.prefixes = prefixes(plan)
-        self._decoders: Recent[Any] = Recent(MOST_DECODERS)
-
-    def columns(self, batch: Batch, results: Mapping[str, Columns]) -> Columns:
+    def _reading_columns(self, batch: Batch, results: Mapping[str, Columns]) -> Columns:
         """Return fields and outputs of the elements by all models, and errors in % of the change from rest.
 
         If the layout varies, the columns of one layout are empty in the rows of another.
@@ -359,7 +311,7 @@ class StudyReadings:
         field, output = (np.pad(each, missing, constant_values=NAN) for each in (readings.field_T, readings.output))
         return field, output
 
-    def decoded(self, batch: Batch, results: Mapping[str, Columns]) -> Columns:
+    def _decoded(self, batch: Batch, results: Mapping[str, Columns]) -> Columns:
         """Return the forces that each formula level decodes from the reference's readings, and their errors."""
         table: Columns = {}
         reference = self.plan.reference
@@ -396,6 +348,44 @@ class StudyReadings:
             return None
 
         return self._decoders.get((level, design), make)
+
+
+def with_critical(status: str, critical: Answer, problem: Problem) -> tuple[str, str]:
+    """Return the status of a press beside its critical depth, and what the one says of the other.
+
+    The mesh of the critical depth is finer where the contact ends: it is the closer one, but a state that one of the
+    two calls unstable is not called stable.
+    """
+    depth, stable = (critical.values.get(f"{name}_over_D") for name in ("critical_depth", "stable_to"))
+    if problem.design is None or problem.load is None:
+        return status, ""
+    D, load = problem.design.D, problem.load
+    if depth is None:
+        if stable is None or critical.message:
+            return status, ""
+        return status, f"no critical depth down to {stable * D:.4g} mm, where the search ends"
+    presses = load.depth > 0 and load == Load(load.depth)
+    if presses and status == "ok" and load.depth > depth * D:
+        return "unstable", f"the press buckles sideways at {depth * D:.4g} mm, now it is {load.depth:g} mm deep"
+    if presses and status == "unstable" and load.depth < depth * D:
+        return status, f"on the finer mesh of the critical depth it is stable down to {depth * D:.4g} mm"
+    return status, ""
+
+
+def _as_column(values: NDArray[Any]) -> NDArray[Any]:
+    if values.dtype.kind not in "OU":
+        return values
+    return np.array([v if isinstance(v, str) else f"{v:.12g}" for v in values.tolist()], dtype=object)
+
+
+def _of_sensors(batch: Batch, value: Callable[[Design], float]) -> Array:
+    """Return a number of each case's sensor; NaN for an impossible one."""
+    return np.array([NAN if design is None else value(design) for design in batch.sensors])[batch.sensor]
+
+
+def _of_problems(batch: Batch, value: Callable[[Design], float]) -> Array:
+    """Return a number of the design whose mechanics each case shares; NaN for an impossible one."""
+    return np.array([NAN if p.design is None else value(p.design) for p in batch.problems])[batch.problem]
 
 
 # Critical depths, modes, vibrations, cycles
