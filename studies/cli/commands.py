@@ -50,7 +50,6 @@ app = App(
     default_parameter=Parameter(negative=""),
     suppress_keyboard_interrupt=False,
 )
-
 VERBS = {
     "Design": {"design_commands": "design cad mesh cache catalogue size"},
     "Simulation": {
@@ -62,7 +61,6 @@ VERBS = {
     "Validation": {},
 }
 """Groups of verbs in the order of `--help`: modules of this package, and their functions that are verbs."""
-
 STUDIES = (
     *("verify", "friction", "extremes", "accuracy", "vibration", "crosscheck", "ladder", "range_", "claims"),
     *("assumption", "bench", "trade", "calibration", "firmware", "surrogate"),

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from studies.sizing.sizing_study import Settings
 
 
-@verb("source", "sets", "as_json")
+@verb("source sets as_json")
 def design(call: Call) -> int:
     """Show every value of a design with its source, derived values, assumptions and warnings."""
     from studies.fabrication.sensor_solids import parse_fabrication_choices
@@ -36,7 +36,7 @@ def design(call: Call) -> int:
     return show(study, call.screen)
 
 
-@verb("source", "sets", "wide", "as_json")
+@verb("source sets wide as_json")
 def cad(call: Call, *, out: Path, fabrication: Fabrication = Fabrication()) -> int:
     """Make and check solids, a printable mould and base, an assembly, drawings and a casting recipe.
 
@@ -69,7 +69,7 @@ def cad(call: Call, *, out: Path, fabrication: Fabrication = Fabrication()) -> i
     return publish(study, call.screen)
 
 
-@verb("source", "sets", "as_json")
+@verb("source sets as_json")
 def mesh(
     call: Call,
     *,
@@ -138,7 +138,7 @@ Kind = Annotated[
 ]
 
 
-@verb("wide", "as_json")
+@verb("wide as_json")
 def catalogue(call: Call, kind: Kind = None, /, *, file: list[Path] | None = None, sized: Path | None = None) -> int:
     """List the magnets, Hall parts and silicones from which sensors are sized, or the figures of published sensors.
 
@@ -187,8 +187,6 @@ FIRST = {
     "silicones": ("name", "E_low_MPa", "E_MPa", "E_high_MPa", "mixed"),
 }
 """Columns that a table must show, by the kind of parts."""
-
-
 Wanted = Annotated[
     str,
     Parameter(
@@ -200,7 +198,6 @@ Wanted = Annotated[
         "all of them.",
     ),
 ]
-
 MOST = 4096
 """Largest population, number of generations, and number of solved points; more are taken for a mistake."""
 
@@ -226,7 +223,7 @@ def _settings(options: Sizing, seed: int) -> Settings:
     )
 
 
-@verb("wide", "as_json")
+@verb("wide as_json")
 def size(
     call: Call,
     source: Wanted = "",

@@ -30,14 +30,17 @@ if TYPE_CHECKING:
 Study = Annotated[str | None, Parameter(name="STUDY", help="TOML file of a study; with --axis, a design.")]
 
 
-@verb("sets", "wide", "as_json")
+@verb(
+    "sets wide as_json",
+    out="Folder for the table (sweep.csv, or sweep.parquet beyond 20 000 rows) and the pictures.",
+    at=2,
+)
 def sweep(
     call: Call,
     source: Study = None,
     /,
     *,
     options: Sweep = Sweep(),
-    out: Path | None = None,
     solving: Solving = Solving(),
 ) -> int:
     """Run finite elements and formulas over many designs and loads, one row per case.
@@ -45,11 +48,6 @@ def sweep(
     Run a study by magtip sweep STUDY.toml, or without a file by magtip sweep --axis D=6,8,10 --depth 1. Options
     override the values of a study. Solved states are kept: no sweep solves a state again. The exit status is 3 if a
     case failed; the others have their rows all the same.
-
-    Parameters
-    ----------
-    out
-        Folder for the table (sweep.csv, or sweep.parquet beyond 20 000 rows) and the pictures.
     """
     from studies.mechanics.solve_plan import Processes
     from studies.mechanics.worker_process import SchedulerLost
@@ -67,32 +65,31 @@ def sweep(
     try:
         with (
             console.progress(as_json=call.as_json) as progress,
-            study.opened(plan, out, progress, processes, solving.store) as batches,
+            study.opened(plan, call.out, progress, processes, solving.store) as batches,
         ):
             for batch in batches:
                 for row in shown.add(batch):
                     if call.as_json:
                         console.report([row], as_json=True)
-            if out is not None:
-                provenance.write(out, here.command, dataclasses.asdict(plan.design))
+            if call.out is not None:
+                provenance.write(call.out, here.command, dataclasses.asdict(plan.design))
     except SchedulerLost as error:
         return show(replace(shown.result(), failures=[str(error)]), here)
     except BaseException:
         # after Ctrl-C the screen has what was solved
         show(shown.result(), here)
         raise
-    whole = call.as_json or call.wide or out is not None
+    whole = call.as_json or call.wide or call.out is not None
     warnings = [no_effect([f"axis {name}"], reason) for name, reason in study.idle_axes(shown, whole=whole)]
     show(replace(shown.result(), warnings=warnings, remarks=shown.remarks()), here)
     return FAILED if shown.failed or not shown.count else GOOD
 
 
-@verb("source", "sets", "wide", "as_json")
+@verb("source sets wide as_json", out="Folder for SENSITIVITY.md, tables and pictures.", at=1)
 def sensitivity(
     call: Call,
     *,
     options: Sensitivity,
-    out: Path | None = None,
     store: OwnStore = None,
     workers: Workers = None,
     scheduler: Scheduler = None,
@@ -101,11 +98,6 @@ def sensitivity(
 
     Sobol indices come from a fast model, Morris' effects from finite elements, whose solved states are kept: an
     interrupted study continues. A Monte Carlo of tolerances predicts the spread of the calibration of made sensors.
-
-    Parameters
-    ----------
-    out
-        Folder for SENSITIVITY.md, tables and pictures.
     """
     from studies.sensitivity import made_sensors, sensitivity_study
     from studies.sensitivity.beam_motions import Press
@@ -168,8 +160,8 @@ Results = Annotated[
 ]
 
 
-@verb("as_json")
-def report(call: Call, folder: Results, /, *, out: Path | None = None, no_solve: bool = False) -> int:
+@verb("as_json", out="File of the page, .html; default: report.html in the folder.", at=1)
+def report(call: Call, folder: Results, /, *, no_solve: bool = False) -> int:
     """Make one HTML page of a folder of results, with figures that can be read off and the deformed sensor in 3D.
 
     The page needs no network. It shows whatever the folder and its sub-folders hold: comparisons, sweeps and their
@@ -178,15 +170,13 @@ def report(call: Call, folder: Results, /, *, out: Path | None = None, no_solve:
 
     Parameters
     ----------
-    out
-        File of the page, .html; default: report.html in the folder.
     no_solve
         Solve nothing: no figure in 3D where a folder names a sensor but holds no solution; default: solve it.
     """
     from studies.web import report_page
 
     def study(progress: Progress) -> Result:
-        page = report_page.report(folder, out, command=call.command, solve=not no_solve, progress=progress)
+        page = report_page.report(folder, call.out, command=call.command, solve=not no_solve, progress=progress)
         return of_record("Report", page)
 
     return publish(study, call.screen)

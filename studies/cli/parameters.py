@@ -21,7 +21,6 @@ from studies.output import console
 from studies.output.result import Destination
 
 Source = Annotated[str, Parameter(name="DESIGN", help="Name of a preset (paper) or path of a TOML file.")]
-Folder = Annotated[Path | None, Parameter(help="Folder for the page, tables and pictures of the study.")]
 Sets = Annotated[
     list[str] | None, Parameter(name="--set", help="Override a field of the design, KEY=VALUE; repeatable.")
 ]
@@ -30,9 +29,7 @@ Wide = Annotated[
     bool,
     Parameter(name="--wide", help="Show all columns of a table; default: as many main columns as fit."),
 ]
-
 KEYWORD, POSITIONAL = inspect.Parameter.KEYWORD_ONLY, inspect.Parameter.POSITIONAL_ONLY
-
 OwnStore = Annotated[
     Path | None,
     Parameter(
@@ -55,6 +52,7 @@ class Call:
         self.verb, self.arguments = verb, arguments
         self.source = str(arguments.get("source") or "")
         self.sets: list[str] = arguments.get("sets") or []
+        self.out: Path | None = arguments.get("out")
         self.as_json, self.wide = bool(arguments.get("as_json")), bool(arguments.get("wide"))
 
     @property
@@ -69,9 +67,9 @@ class Call:
 
     def here(self, names: Sequence[str] = (), inputs: Sequence[str | Path | None] = ()) -> Destination:
         """Return where the result goes; `names` and `inputs` as in `Destination`, but the design is an input too."""
-        out = self.arguments.get("out")
         inputs = (self.arguments.get("source"), *inputs)
-        return replace(self.screen, command=self.command if out else "", out=out, inputs=inputs, names=names)
+        command = self.command if self.out else ""
+        return replace(self.screen, command=command, out=self.out, inputs=inputs, names=names)
 
     def design(self, magnet: Magnet = "rigid") -> Design:
         """Read the design, and warn of fields without effect and of values that no silicone has."""
@@ -83,7 +81,6 @@ class Call:
 COMMON = {
     name: inspect.Parameter(name, KEYWORD, default=default, annotation=kind)
     for name, kind, default in (
-        ("out", Folder, None),
         ("sets", Sets, None),
         ("wide", Wide, False),
         ("as_json", AsJson, False),
@@ -92,12 +89,18 @@ COMMON = {
 """Arguments of several verbs."""
 
 
-def verb(*common: str) -> Callable[[Callable[..., int]], Callable[..., int]]:
-    """Return a decorator that adds some of `COMMON` to a verb, which gets its `Call` first and its own arguments."""
+def verb(common: str = "", *, out: str = "", at: int = 99) -> Callable[[Callable[..., int]], Callable[..., int]]:
+    """Return a decorator that adds some of `COMMON` to a verb, which gets its `Call` and its own arguments.
+
+    `out`: help of --out, and `at` the number of the verb's own arguments before it; default: all of them.
+    """
 
     def decorate(function: Callable[..., int]) -> Callable[..., int]:
         _, *own = inspect.signature(function, eval_str=True).parameters.values()
-        more = [COMMON[name] for name in common]
+        more = [COMMON[name] for name in common.split()]
+        if out:
+            kind = Annotated[Path | None, Parameter(help=out)]
+            own.insert(at, inspect.Parameter("out", KEYWORD, default=None, annotation=kind))
         parts = sorted([*own, *more], key=lambda one: (one.kind, one.name != "source"))
         signature = inspect.Signature(parts, return_annotation=int)
 
@@ -105,8 +108,9 @@ def verb(*common: str) -> Callable[[Callable[..., int]], Callable[..., int]]:
             bound = signature.bind(*words, **given)
             bound.apply_defaults()
             call = Call(called, dict(bound.arguments))
-            values = [bound.arguments[one.name] for one in own if one.kind is POSITIONAL]
-            named = {one.name: bound.arguments[one.name] for one in own if one.kind is not POSITIONAL}
+            taken = [one for one in own if not (one.name == "out" and out)]
+            values = [bound.arguments[one.name] for one in taken if one.kind is POSITIONAL]
+            named = {one.name: bound.arguments[one.name] for one in taken if one.kind is not POSITIONAL}
             return function(call, *values, **named)
 
         functools.update_wrapper(called, function, ("__module__", "__name__", "__doc__"), ())
@@ -133,12 +137,7 @@ VALIDATION = "studies.cli.validation_commands"
 
 
 def command(verb: Callable[..., int], arguments: Mapping[str, Any]) -> str:
-    """Return the command line that calls a verb with these arguments, quoted for a shell, without defaults.
-
-    Parameters
-    ----------
-    arguments : all arguments of the verb by their names, as `locals()` returns them in the verb's first line.
-    """
+    """Return the command line that calls a verb with all these arguments, quoted for a shell, without defaults."""
     app = App(default_parameter=Parameter(negative=""))
     app.command(verb)
     (name,) = (name for name in app if app[name].default_command is verb)

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from geometry.arrays import Array
 
 
-@verb("source", "sets")
+@verb("source sets")
 def field(
     call: Call,
     *,
@@ -59,7 +59,7 @@ def field(
     return GOOD
 
 
-@verb("source", "sets", "wide", "as_json")
+@verb("source sets wide as_json")
 def readings(
     call: Call,
     *,
@@ -110,7 +110,7 @@ def readings(
     return show(field_readings.study(design, responses, sensing, wide=call.wide), here)
 
 
-@verb("source", "sets", "wide", "as_json")
+@verb("source sets wide as_json")
 def calibrate(
     call: Call,
     bench: Annotated[list[Path], Parameter(name="BENCH")],
@@ -145,8 +145,12 @@ def calibrate(
     return publish(partial(magnet_scan.run, design, bench[0]), here)
 
 
-@verb("source", "sets", "as_json")
-def decode(call: Call, *, decoding: Decoding = Decoding(), out: Path | None = None, mcap: Path | None = None) -> int:
+@verb(
+    "source sets as_json",
+    out="CSV file for the rows of --file with the results added; default: standard output.",
+    at=1,
+)
+def decode(call: Call, *, decoding: Decoding = Decoding(), mcap: Path | None = None) -> int:
     """Compute the magnet's pose and the load on the tip from readings; list all poses with the same readings.
 
     The exit status is 3 if no pose in the workspace gives the readings, or only one at which the plate would have to
@@ -154,8 +158,6 @@ def decode(call: Call, *, decoding: Decoding = Decoding(), out: Path | None = No
 
     Parameters
     ----------
-    out
-        CSV file for the rows of --file with the results added; default: standard output.
     mcap
         MCAP file for the forces and flux densities of a --file with times, as messages of ROS 2; see magtip stream.
     """
@@ -166,9 +168,9 @@ def decode(call: Call, *, decoding: Decoding = Decoding(), out: Path | None = No
     readings, file, here = decoding.readings, decoding.file, call.screen
     if (readings is None) == (file is None):
         raise BadInput("give the readings either as --readings a,b,c or as --file FILE.csv")
-    if readings is not None and (out is not None or decoding.zero is not None):
-        raise BadInput(f"{'--zero' if out is None else '--out'} works with --file only: leave it out")
-    atomic_files.check_apart([out, mcap], [call.source, file, decoding.responses, decoding.calibration])
+    if readings is not None and (call.out is not None or decoding.zero is not None):
+        raise BadInput(f"{'--zero' if call.out is None else '--out'} works with --file only: leave it out")
+    atomic_files.check_apart([call.out, mcap], [call.source, file, decoding.responses, decoding.calibration])
     design = call.design()
     if mcap is not None:
         from studies.streaming import live_stream
@@ -178,8 +180,8 @@ def decode(call: Call, *, decoding: Decoding = Decoding(), out: Path | None = No
     if decoding.calibration is not None:
         from studies.calibration import calibration_file
 
-        with atomic_files.sole_writer(out):
-            return show(calibration_file.decode(design, decoding, out, as_json=call.as_json), here)
+        with atomic_files.sole_writer(call.out):
+            return show(calibration_file.decode(design, decoding, call.out, as_json=call.as_json), here)
     made = parse_tolerances(decoding.tolerances or [], design)
     coder = decode_readings.prepare(design, decoding)
     if readings is not None:
@@ -191,16 +193,15 @@ def decode(call: Call, *, decoding: Decoding = Decoding(), out: Path | None = No
         checked = decode_tolerances.check(coder, field, found, made)
         return checked.status, checked.warnings(found.force)
 
-    with atomic_files.sole_writer(out):
-        return show(decode_readings.decode_file(coder, decoding, out, check, as_json=call.as_json), here)
+    with atomic_files.sole_writer(call.out):
+        return show(decode_readings.decode_file(coder, decoding, call.out, check, as_json=call.as_json), here)
 
 
-@verb("source", "sets", "as_json")
+@verb("source sets as_json", out="CSV file for time, readings, status, force and shift of each row.", at=1)
 def stream(
     call: Call,
     *,
     streaming: Streaming,
-    out: Path | None = None,
     mcap: Path | None = None,
     frame_id: str = "magtip_tip",
     page: bool = False,
@@ -212,8 +213,6 @@ def stream(
 
     Parameters
     ----------
-    out
-        CSV file for time, readings, status, force and shift of each row.
     mcap
         MCAP file for the forces (geometry_msgs/WrenchStamped: what acts on the tip, z along the beam) and the flux
         densities (sensor_msgs/MagneticField).
@@ -227,18 +226,23 @@ def stream(
     from studies.cli.exploration_commands import serve_page
     from studies.streaming import live_stream
 
-    atomic_files.check_apart([out, mcap], [call.source, streaming.port, streaming.responses, streaming.calibration])
+    atomic_files.check_apart(
+        [call.out, mcap], [call.source, streaming.port, streaming.responses, streaming.calibration]
+    )
     design = call.design()
     if frame_id != "magtip_tip" and mcap is None:
         raise BadInput("--frame-id works with --mcap only: leave it out")
     if no_browser and not page:
         raise BadInput("--no-browser works with --page only: leave it out")
-    targets = {".csv": out, ".mcap": mcap}
+    targets = {".csv": call.out, ".mcap": mcap}
     for suffix, path in targets.items():
         if path is not None:
             atomic_files.check_output_file(path, suffix)
-    with atomic_files.sole_writer(out, mcap):
-        live, outputs = live_stream.Live(design, streaming), live_stream.Outputs(out, mcap, frame_id, call.as_json)
+    with atomic_files.sole_writer(call.out, mcap):
+        live, outputs = (
+            live_stream.Live(design, streaming),
+            live_stream.Outputs(call.out, mcap, frame_id, call.as_json),
+        )
         readings = live_stream.source_of(design, streaming)
         if page:
             result = live_stream.run_with_page(
@@ -250,7 +254,7 @@ def stream(
     return show(dataclasses.replace(result, records=[], shown=[]) if call.as_json else result, Destination())
 
 
-@verb("source", "sets", "wide", "as_json")
+@verb("source sets wide as_json")
 def firmware(
     call: Call,
     *,
@@ -295,7 +299,7 @@ def firmware(
     return publish(study, here)
 
 
-@verb("source", "sets", "as_json")
+@verb("source sets as_json")
 def table(
     call: Call,
     *,
@@ -338,7 +342,7 @@ def table(
     return show(Result(title="Table", records=[record]), call.screen)
 
 
-@verb("source", "sets", "wide", "as_json")
+@verb("source sets wide as_json")
 def layout(call: Call, *, basis: Basis = Basis(), parts: LayoutParts = LayoutParts(), out: Path | None = None) -> int:
     """Evaluate the layout of the Hall elements: uniqueness, noise, saturation, clearance; search for better layouts.
 

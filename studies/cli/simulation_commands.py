@@ -33,13 +33,12 @@ from studies.output import atomic_files, console
 from studies.output.result import Result, failure_of, publish, show
 
 
-@verb("source", "sets", "wide", "as_json")
+@verb("source sets wide as_json", out="File (.vtu) for the deformed body of the last state.", at=2)
 def solve(
     call: Call,
     *,
     motion: Motion = Motion(),
     method: Method = Method(),
-    out: Path | None = None,
     picture: Path | None = None,
 ) -> int:
     """Compute force, shift and tilt of the magnet by finite elements; print each state as soon as it is reached.
@@ -50,22 +49,20 @@ def solve(
 
     Parameters
     ----------
-    out
-        File (.vtu) for the deformed body of the last state.
     picture
         File (.png) for the deformed section of the last state.
     """
     from studies.simulation import load_cases, within_tolerance
 
     design = call.design(method.magnet)
-    atomic_files.check_apart([out, picture], [call.source, method.mesh])
+    atomic_files.check_apart([call.out, picture], [call.source, method.mesh])
     targets = load_cases.targets_of(motion)
     loads = load_cases.approximate_loads(targets) if targets else load_cases.loads_of(motion)
     for option, reason in load_cases.ineffective_options(motion, method):
         say_no_effect(option, reason)
     with console.progress(as_json=call.as_json) as progress:
         title, rows = within_tolerance.run(
-            design, loads, method, targets, out=out, picture=picture, progress=progress
+            design, loads, method, targets, out=call.out, picture=picture, progress=progress
         )
         with contextlib.closing(rows):
             records = console.stream(
@@ -86,7 +83,7 @@ def solve(
     return show(result, call.screen)
 
 
-@verb("source", "sets", "as_json")
+@verb("source sets as_json")
 def analytic(
     call: Call,
     *,
@@ -110,7 +107,7 @@ def analytic(
     return publish(lambda _: load_cases.analytic(design, depth, (shear, shear_y), level), call.here())
 
 
-@verb("source", "sets", "wide", "as_json")
+@verb("source sets wide as_json", out="Folder for table, plot and STABILITY.md of --slenderness.")
 def stability(
     call: Call,
     *,
@@ -118,7 +115,6 @@ def stability(
     magnet: Annotated[Magnet, MAGNET] = "rigid",
     accuracy: Annotated[AccuracyName, ACCURACY] = "standard",
     slenderness: str | None = None,
-    out: Path | None = None,
 ) -> int:
     """Compute the depth at which a press buckles sideways; with --depth also the response to a small shear.
 
@@ -126,8 +122,6 @@ def stability(
     ----------
     slenderness
         Values a,b,c of L/D: critical depths of beams of these lengths, beside Euler, Engesser and Haringx.
-    out
-        Folder for table, plot and STABILITY.md of --slenderness.
     """
     from studies.simulation import critical_depths
 
@@ -140,7 +134,7 @@ def stability(
         ratios = _slenderness_of(slenderness, design)
         here = call.here(critical_depths.FILES)
         return publish(partial(critical_depths.over_slenderness, design, magnet, accuracy, ratios), here)
-    if out is not None:
+    if call.out is not None:
         raise BadInput("--out works with --slenderness only: add --slenderness 1,2,3")
     return publish(partial(critical_depths.at_design, design, magnet, accuracy, depth), call.here())
 
@@ -160,7 +154,7 @@ def _slenderness_of(text: str, design: Design) -> list[float]:
     return ratios
 
 
-@verb("source", "sets", "as_json")
+@verb("source sets as_json")
 def modes(
     call: Call,
     *,
@@ -183,11 +177,10 @@ def modes(
     return publish(study, call.here())
 
 
-@verb("source", "sets", "wide", "as_json")
+@verb("source sets wide as_json", out="Folder for tables and plots.", at=0)
 def compare(
     call: Call,
     *,
-    out: Path | None = None,
     accuracy: Annotated[AccuracyName | None, STANDARD] = None,
     tolerance: Annotated[str | None, TOLERANCE] = None,
     frequency: float | None = None,
@@ -200,8 +193,6 @@ def compare(
 
     Parameters
     ----------
-    out
-        Folder for tables and plots.
     frequency
         Also say how the forces differ in small vibrations at this frequency, Hz.
     speed
@@ -226,17 +217,12 @@ def compare(
     )
 
 
-@verb("source", "sets", "wide", "as_json")
-def response(call: Call, *, vibration: Vibration = Vibration(), out: Path | None = None) -> int:
+@verb("source sets wide as_json", out="Folder for response.csv, ladder.csv and the Bode plots.")
+def response(call: Call, *, vibration: Vibration = Vibration()) -> int:
     """Compute the steady vibration of the pressed and sheared sensor: volts per mm and per N, resonances, bandwidth.
 
     The plate vibrates along z and along x about a state at rest, and x is the direction of the shear; --depth 0
     shakes the base of the free sensor. The silicone's loss factor or Prony branches are those of the design.
-
-    Parameters
-    ----------
-    out
-        Folder for response.csv, ladder.csv and the Bode plots.
     """
     from studies.simulation import vibration_report
 
@@ -247,17 +233,12 @@ def response(call: Call, *, vibration: Vibration = Vibration(), out: Path | None
     return publish(study, here)
 
 
-@verb("source", "sets", "wide", "as_json")
-def cycle(call: Call, *, motion: Cycle = Cycle(), out: Path | None = None) -> int:
+@verb("source sets wide as_json", out="Folder for cycle.csv, loops.csv and cycle.png.")
+def cycle(call: Call, *, motion: Cycle = Cycle()) -> int:
     """Load and unload the sensor in time: loop of the force, its gap and area, drift, readings, decoded force.
 
     The silicone's loss factor or Prony branches are those of the design. The plate leaves skin that recovers too
     slowly, and touches it later in the next cycle.
-
-    Parameters
-    ----------
-    out
-        Folder for cycle.csv, loops.csv and cycle.png.
     """
     from studies.simulation import cycle_findings
 
@@ -284,7 +265,7 @@ COLUMNS = (
 Data = Annotated[str, Parameter(name="FILE", help=COLUMNS)]
 
 
-@verb("wide", "as_json")
+@verb("wide as_json", out="Folder for the table, the plot and design.toml with the chosen law or branches.", at=4)
 def fit(
     call: Call,
     data: Data,
@@ -293,7 +274,6 @@ def fit(
     law: LawName | None = None,
     stretch: float | None = None,
     ramp: float | None = None,
-    out: Path | None = None,
     nu: float = 0.4998,
 ) -> int:
     """Fit a silicone's laws to a uniaxial test, or its relaxation to a relaxation test or a dynamic test.
@@ -315,8 +295,6 @@ def fit(
     ramp
         Time in which the stretch of a relaxation test rose from t = 0 on, s, if no column has it; the fit accounts
         for the ramp. 0 states that a ramp is negligible.
-    out
-        Folder for the table, the plot and design.toml with the chosen law or branches.
     nu
         Poisson's ratio for which E is given.
     """

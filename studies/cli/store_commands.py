@@ -23,7 +23,7 @@ NEEDED_OF_PATHS = ("model", "L_over_D", "states", "not_ok")
 """Columns that a list of paths must show."""
 
 
-@verb("wide", "as_json")
+@verb("wide as_json")
 def list_(call: Call, selection: Selection = Selection(), *, paths: bool = False, limit: Whole = LIMIT) -> int:
     """Show what the store holds, and its newest states that meet the filters.
 

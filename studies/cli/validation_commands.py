@@ -48,4 +48,4 @@ def __getattr__(name: str) -> Callable[..., int]:
 
     update_wrapper(run, study.run, ("__doc__",), ()).__name__ = name
     vars(run)["__signature__"] = inspect.Signature([inspect.Parameter("call", POSITIONAL), *own])
-    return verb("out", "wide", "as_json")(run)
+    return verb("wide as_json", out="Folder for the page, tables and pictures of the study.")(run)

@@ -28,7 +28,6 @@ def _whole(type_: object, tokens: Sequence[Token]) -> int:
 
 
 Whole = Annotated[int, Parameter(converter=_whole, n_tokens=1)]
-
 DEPTH = Parameter(help="Travel of the plate after first touch, mm.")
 SHEAR = Parameter(help="Displacement of the plate or the grip along x, mm.")
 SHEAR_Y = Parameter(help="Displacement of the plate or the grip along y, mm.")

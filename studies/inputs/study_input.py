@@ -58,7 +58,6 @@ if TYPE_CHECKING:
 
 MOST_VALUES = 1_000_000
 """Largest number of values of an axis; a larger one is taken for a mistake."""
-
 SPACINGS = {"lin": "linspace", "log": "logspace"}
 """Names of evenly spaced values, on the command line and in a study file."""
 
@@ -123,10 +122,8 @@ METHOD = {"magnet": Quantity("1", names=("rigid", "ignored"), is_number=False)}
 """Choices of the finite elements that can vary. Models are no axis: a study sets them side by side in a row."""
 AXES = {**DESIGN, **LOAD, **METHOD}
 """All axes by name."""
-
 COMMON = ("D", "L", "f", "E", "depth", "shear")
 """Axes that messages name as examples."""
-
 UNITS = {"1": "", "V/T": "_V_per_T", "V/sqrt(Hz)": "_V_per_sqrtHz", "kg/m3": "_kg_per_m3", "mm/s": "_mm_per_s"}
 """Last part of a column's name for units that cannot stand there as they are."""
 

@@ -19,7 +19,6 @@ from studies.output import console
 
 SEPARATORS = {";": "semicolons", "\t": "tabs", "|": "bars"}
 """Separators that spreadsheets and data loggers write between columns in place of commas."""
-
 Rows = list[tuple[int, list[str]]]
 """Number of each row's last line, from 1, and its cells as texts; a quoted cell may span several lines."""
 

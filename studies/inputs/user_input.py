@@ -19,10 +19,8 @@ from geometry.loads import Magnet
 from studies.output import console
 
 AccuracyName = Literal["quick", "standard", "fine"]
-
 Value = float | str
 """Value of a field of `Design`."""
-
 FIELDS = {spec.name: spec for spec in dataclasses.fields(Design)}
 _KINDS: dict[str, type] = {name: float if "low" in spec.metadata else str for name, spec in FIELDS.items()}
 _MAGNET = ("magnet_diameter", "magnet_height", "magnet_edge_radius")
@@ -283,7 +281,6 @@ UNITS: dict[str, dict[str, float]] = {
     "1": {"%": 0.01},
 }
 """Units that may be written, by the unit that magtip uses; each with its factor. Unit "1" is that of pure numbers."""
-
 _TEXT = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*")
 
 

@@ -36,10 +36,8 @@ ABSENCE = 60.0
 """Time that a run waits for another Dask worker when none is left, s."""
 ATTEMPTS = 2
 """Times that a task is handed to the scheduler, which gives it up when four Dask workers were lost (its default)."""
-
 Models = tuple[str | None, dict[Any, int]]
 """Version of magtip, and physics version of each model."""
-
 _processes = WorkerProcesses(threads=1)
 """Worker processes of this Dask worker, shared by all runs, so that an interrupted run leaves none behind."""
 

@@ -18,7 +18,6 @@ from geometry.design import BadInput
 from geometry.loads import Load, Waveform
 
 Phase = Literal["press", "in", "out", "hold"]
-
 HALF = 24
 """Straight pieces of half a period of a sine; an even number, so that one ends at mid-stroke."""
 MOST_CYCLES = 1000

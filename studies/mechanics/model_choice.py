@@ -36,7 +36,6 @@ from geometry.design import BadInput, Design, paper
 from geometry.loads import Load, Magnet, Response
 
 Kind = Literal["press", "glued shear", "friction"]
-
 DATA = Path(__file__).with_name("model_choice.json")
 """Statements of the rule, written by `magtip validate trade` and copied here by hand after a look at its report."""
 LIGHT, NEAR = 0.06, 0.15

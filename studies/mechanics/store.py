@@ -37,7 +37,6 @@ DIGITS = 12
 """Decimal places of lengths over D: positions that agree to these are equal. Rounding errors are about 1e-16."""
 VARIABLE = "MAGTIP_STORE"
 """Environment variable with the path of a store that replaces the user's own."""
-
 OLDEST, FORMAT = 3, 4
 """Versions of the tables that can be read, and that of a new file. Formats 1 and 2 had no digests and kept errors of
 magtip as failures; 3 had a table more."""
@@ -62,7 +61,6 @@ TABLES = (
 OTHER = "name another file by --store"
 """The remedy that always helps."""
 READ_ONLY = "is read-only: make the file and its folder writable, or " + OTHER
-
 Outcome = Literal["ok", "failed", "transient"]
 Content = Mapping[str, Any]
 Position = tuple[float, float]

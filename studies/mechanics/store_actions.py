@@ -35,8 +35,6 @@ PER_LENGTH = " / json_extract(state.answer, '$.D_mm')"
 PER_FORCE = PER_LENGTH * 2 + " / json_extract(state.answer, '$.E_MPa')"
 TOLERANCE = 1e-9
 """Difference up to which a number equals the value of a filter: stored numbers have 12 digits."""
-
-
 Condition = tuple[str, tuple[str | float, ...]]
 """Condition on `state` in SQL, "1" if there is none, and the values of its parameters."""
 

@@ -135,8 +135,6 @@ FORMAT = 2
 ANSWERS: tuple[Literal["axisymmetric", "harmonic", "critical depth", "modes"], ...]
 ANSWERS = ("axisymmetric", "harmonic", "critical depth", "modes")
 """Finite elements that the surrogate is trained on, calibrated and tested by (`fem.physics_version`)."""
-
-
 REMEDY = "build it again with `magtip validate surrogate`, or take finite elements"
 
 

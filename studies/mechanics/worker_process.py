@@ -34,7 +34,6 @@ STARTS = 10
 """Attempts to start a process for one job if the system kills each while it loads."""
 THREADS = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS")
 """Environment variables with the number of threads of linear algebra and compiled loops."""
-
 Answer = tuple[Any, BaseException | None, float]
 """What a function returned, or what it raised, and the time of the call, s."""
 

@@ -29,7 +29,6 @@ from studies.mechanics.worker_process import (
 
 T = TypeVar("T")
 R = TypeVar("R")
-
 PATIENCE = 2.0
 """Time without an answer after which the workers are checked, s."""
 REPORTS = 0.5

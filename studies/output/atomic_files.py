@@ -26,7 +26,6 @@ from studies.output import own_files
 
 WRITING = ".writing-"
 """Prefix of the name of a temporary folder; machine and process follow."""
-
 LOCK = ".magtip.lock"
 """Name of the lock file in a folder that is being filled, and suffix of the lock file of a single output file."""
 

@@ -19,10 +19,8 @@ from studies.output.text_tables import Column
 
 MOST_NAMED = 6
 """Greatest number of records that are listed for a message, and of hidden columns that are named."""
-
 SENTENCES = ("message", "warning", "warnings")
 """Keys of sentences, which verbs print in full below a table; only a wide table has columns for them."""
-
 NUMBER, LIST = 8, 20
 """Initial widths of columns of numbers and of lists, characters, in a table whose rows are printed one by one."""
 

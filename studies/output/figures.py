@@ -58,7 +58,6 @@ WIDE = 30.0
 """Ratio of the greatest to the least value from which the colours of a map are logarithmic."""
 LETTER = 6.6
 """Mean width of a letter of the legend, pixels."""
-
 THEME: dict[str, Any] = {
     "background": "white",
     "font": "Liberation Sans, Arial, sans-serif",

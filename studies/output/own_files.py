@@ -21,19 +21,15 @@ from geometry.design import BadInput
 
 LIST = ".magtip.files"
 """Name of the list of the files that magtip wrote into a folder."""
-
 ORIGIN = re.compile(
     rb"Made (with `magtip |on Python \d)|\"made\": \"on Python \d|^# Magnetic force sensor, D = |^\| magtip \| ",
     re.MULTILINE,
 )
 """What pages and records of earlier versions say of their origin."""
-
 RECORD = "run.json"
 """A record of a run, see `studies.output.provenance`."""
-
 STATING = ("*.md", "*.json", "design.toml")
 """Files that count as those of an earlier version only if they state their origin; a design states none."""
-
 MOST_BYTES = 20_000_000
 """Part of a file that is searched."""
 

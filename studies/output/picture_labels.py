@@ -12,7 +12,6 @@ from PIL import Image, ImageDraw, ImageFont
 
 Point = tuple[float, float]
 Mask = NDArray[np.bool_]
-
 INK = "#111111"
 SIZE = 26
 """Font size, pixels."""

@@ -2,8 +2,9 @@
 
 A verb reads its options, checks what files it may write, and has `publish` run its study:
 
-    here = destination(modes, locals())                      # studies.cli.parameters: --out, --json, --wide
-    return publish(partial(vibration_report.natural_frequencies, design, count), here)
+    @verb("source sets as_json")                             # studies.cli.parameters: DESIGN, --set, --json
+    def modes(call: Call, *, count: Whole = 8) -> int:
+        return publish(partial(vibration_report.natural_frequencies, call.design(), count), call.here())
 
 The study is a function of a progress callback; it returns a `Result` and prints and writes nothing itself. Values are
 records, that is, mappings from column names with their units to values. pandas is imported where a table is written.

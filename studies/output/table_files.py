@@ -20,7 +20,6 @@ from studies.output.atomic_files import atomic
 
 Columns = Mapping[str, NDArray[Any]]
 Write = Callable[[Columns], None]
-
 ROW_GROUP = 50_000
 """Rows of a group of a Parquet file, which is held in memory until it is full: 40 columns of floats take 16 MB.
 Smaller groups would make the file's list of groups grow with the number of batches."""

@@ -30,14 +30,12 @@ UNITS = {
     "percent": ("%", 1.0),
 }
 """The last word of a key, the unit in which its values are shown, and the factor to that unit."""
-
 TURNS = {
     "tilt_rad": "tilt towards x",
     "tilt_y_rad": "tilt towards y",
     "rotation_rad": "rotation vector rx, ry",
 }
 """Names of the magnet's rotations: tilt of its axis towards x or y, or the rotation vector (-tilt_y, tilt)."""
-
 MISFITS = {
     "fit_error_rad": ("error of the decoder's polynomials, tilt", UNITS["rad"][0]),
     "fit_error_N": ("error of the decoder's polynomials, force", UNITS["N"][0]),
@@ -46,19 +44,14 @@ MISFITS = {
     "table_error_percent": ("error of the tables, force over full scale", UNITS["percent"][0]),
 }
 """Names of the decoder's errors: differences of its polynomials from the fitted states or formulas, and of tables."""
-
 GAP = "  "
 """Space between columns."""
-
 LEFTMOST = 2
 """Number of columns that a table must show if a verb does not name the columns that it needs."""
-
 LEAST_TEXT = 20
 """Least width of a column of texts, characters, unless a word is longer; texts are broken between words only."""
-
 MOST_LINES = 4
 """Greatest number of lines of a value beside its name; a longer value is printed below the name."""
-
 VECTOR = 3
 """Greatest number of items in a list that is not broken over lines: a vector in space."""
 

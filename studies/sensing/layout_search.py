@@ -19,10 +19,8 @@ from studies.sensing import layout_metrics
 
 MOST_FOUND, USUAL = 16, 10
 """Largest and default number of layouts that a search returns."""
-
 Place = tuple[float, ...]
 Score = tuple[float, float]
-
 POSES = (9, 9, 6)
 """Numbers of poses along x, y and z by which the search rates a layout; the final rows use the full map."""
 GRID = {1: 21, 2: 21, 3: 10}

@@ -35,8 +35,6 @@ APART = (1 / 800, 1 / 80, 1 / 8)
 """Distances between poses, over D, at which readings are compared."""
 WIDE = 1e6
 """Rails of the elements' outputs that no field reaches, so that no pose is saturated."""
-
-
 Claim = Mapping[str, list["FlatRow"]]
 """Rows of the answer: `forms`, one for each form of the readings, for the design's own layout; `limits`, the range of
 c in which each form is unique; `heights`, one for each c.
