@@ -11,18 +11,8 @@ from cyclopts import Parameter
 
 from geometry.design import BadInput
 from studies.cli.parameters import Call, verb
-from studies.inputs.option_groups import (
-    CALIBRATION,
-    LEVEL,
-    Basis,
-    Calibrating,
-    Decoding,
-    FieldLevel,
-    LayoutParts,
-    Pose,
-    Reading,
-    Streaming,
-)
+from studies.inputs import option_groups
+from studies.inputs.option_groups import CALIBRATION, Basis, LayoutParts, Pose
 from studies.inputs.user_input import say_no_effect
 from studies.output import atomic_files, console
 from studies.output.result import GOOD, Destination, Result, of_record, publish, show
@@ -38,7 +28,7 @@ def field(
     *,
     points: Path,
     pose: Pose = Pose(),
-    level: Annotated[FieldLevel, LEVEL] = "exact",
+    level: Annotated[option_groups.FieldLevel, option_groups.LEVEL] = "exact",
     out: Path | None = None,
 ) -> int:
     """Compute the magnet's field at the points of a table, in the sensor's frame (base at z = 0, beam along z).
@@ -64,7 +54,7 @@ def readings(
     call: Call,
     *,
     pose: Pose = Pose(),
-    reading: Reading = Reading(),
+    reading: option_groups.Reading = option_groups.Reading(),
     responses: Path | None = None,
     calibration: Annotated[Path | None, CALIBRATION] = None,
     depth: float = 0.0,
@@ -117,7 +107,7 @@ def calibrate(
     /,
     *,
     out: Path | None = None,
-    options: Calibrating = Calibrating(),
+    options: option_groups.Calibrating = option_groups.Calibrating(),
 ) -> int:
     """Estimate a made sensor from what a test stand recorded, and the error of its forces on rows it has not seen.
 
@@ -140,7 +130,7 @@ def calibrate(
     design = call.design()
     if not options.scan:
         return publish(partial(calibration_study.run, design, bench, options), here)
-    if len(bench) > 1 or options != Calibrating(scan=True):
+    if len(bench) > 1 or options != option_groups.Calibrating(scan=True):
         raise BadInput("--scan takes one file and no options of presses: leave the others out")
     return publish(partial(magnet_scan.run, design, bench[0]), here)
 
@@ -150,7 +140,9 @@ def calibrate(
     out="CSV file for the rows of --file with the results added; default: standard output.",
     at=1,
 )
-def decode(call: Call, *, decoding: Decoding = Decoding(), mcap: Path | None = None) -> int:
+def decode(
+    call: Call, *, decoding: option_groups.Decoding = option_groups.Decoding(), mcap: Path | None = None
+) -> int:
     """Compute the magnet's pose and the load on the tip from readings; list all poses with the same readings.
 
     The exit status is 3 if no pose in the workspace gives the readings, or only one at which the plate would have to
@@ -201,7 +193,7 @@ def decode(call: Call, *, decoding: Decoding = Decoding(), mcap: Path | None = N
 def stream(
     call: Call,
     *,
-    streaming: Streaming,
+    streaming: option_groups.Streaming,
     mcap: Path | None = None,
     frame_id: str = "magtip_tip",
     page: bool = False,

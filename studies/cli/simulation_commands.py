@@ -12,22 +12,8 @@ from cyclopts import Parameter
 from geometry.design import BadInput, Design
 from geometry.loads import Magnet
 from studies.cli.parameters import Call, say_if_without_magnet, verb
-from studies.inputs import user_input
-from studies.inputs.option_groups import (
-    ACCURACY,
-    DEPTH,
-    MAGNET,
-    SHEAR,
-    SHEAR_Y,
-    STANDARD,
-    TOLERANCE,
-    Cycle,
-    LawName,
-    Method,
-    Motion,
-    Vibration,
-    Whole,
-)
+from studies.inputs import option_groups, user_input
+from studies.inputs.option_groups import DEPTH, MAGNET, SHEAR, STANDARD, Whole
 from studies.inputs.user_input import AccuracyName, say_no_effect
 from studies.output import atomic_files, console
 from studies.output.result import Result, failure_of, publish, show
@@ -37,8 +23,8 @@ from studies.output.result import Result, failure_of, publish, show
 def solve(
     call: Call,
     *,
-    motion: Motion = Motion(),
-    method: Method = Method(),
+    motion: option_groups.Motion = option_groups.Motion(),
+    method: option_groups.Method = option_groups.Method(),
     picture: Path | None = None,
 ) -> int:
     """Compute force, shift and tilt of the magnet by finite elements; print each state as soon as it is reached.
@@ -89,7 +75,7 @@ def analytic(
     *,
     depth: Annotated[float, DEPTH],
     shear: Annotated[float, SHEAR] = 0.0,
-    shear_y: Annotated[float, SHEAR_Y] = 0.0,
+    shear_y: Annotated[float, option_groups.SHEAR_Y] = 0.0,
     level: str = "paper",
 ) -> int:
     """Compute force, shift of the magnet and readings by formulas; in a shear the tip sticks to the plate.
@@ -113,7 +99,7 @@ def stability(
     *,
     depth: Annotated[float | None, DEPTH] = None,
     magnet: Annotated[Magnet, MAGNET] = "rigid",
-    accuracy: Annotated[AccuracyName, ACCURACY] = "standard",
+    accuracy: Annotated[AccuracyName, option_groups.ACCURACY] = "standard",
     slenderness: str | None = None,
 ) -> int:
     """Compute the depth at which a press buckles sideways; with --depth also the response to a small shear.
@@ -161,7 +147,7 @@ def modes(
     count: Whole = 8,
     depth: Annotated[float, DEPTH] = 0.0,
     magnet: Annotated[Magnet, MAGNET] = "rigid",
-    accuracy: Annotated[AccuracyName, ACCURACY] = "standard",
+    accuracy: Annotated[AccuracyName, option_groups.ACCURACY] = "standard",
 ) -> int:
     """Compute natural frequencies and mode shapes of the sensor, free or pressed against a plate to which it sticks.
 
@@ -182,7 +168,7 @@ def compare(
     call: Call,
     *,
     accuracy: Annotated[AccuracyName | None, STANDARD] = None,
-    tolerance: Annotated[str | None, TOLERANCE] = None,
+    tolerance: Annotated[str | None, option_groups.TOLERANCE] = None,
     frequency: float | None = None,
     speed: float | None = None,
 ) -> int:
@@ -218,7 +204,7 @@ def compare(
 
 
 @verb("source sets wide as_json", out="Folder for response.csv, ladder.csv and the Bode plots.")
-def response(call: Call, *, vibration: Vibration = Vibration()) -> int:
+def response(call: Call, *, vibration: option_groups.Vibration = option_groups.Vibration()) -> int:
     """Compute the steady vibration of the pressed and sheared sensor: volts per mm and per N, resonances, bandwidth.
 
     The plate vibrates along z and along x about a state at rest, and x is the direction of the shear; --depth 0
@@ -234,7 +220,7 @@ def response(call: Call, *, vibration: Vibration = Vibration()) -> int:
 
 
 @verb("source sets wide as_json", out="Folder for cycle.csv, loops.csv and cycle.png.")
-def cycle(call: Call, *, motion: Cycle = Cycle()) -> int:
+def cycle(call: Call, *, motion: option_groups.Cycle = option_groups.Cycle()) -> int:
     """Load and unload the sensor in time: loop of the force, its gap and area, drift, readings, decoded force.
 
     The silicone's loss factor or Prony branches are those of the design. The plate leaves skin that recovers too
@@ -271,7 +257,7 @@ def fit(
     data: Data,
     /,
     *,
-    law: LawName | None = None,
+    law: option_groups.LawName | None = None,
     stretch: float | None = None,
     ramp: float | None = None,
     nu: float = 0.4998,

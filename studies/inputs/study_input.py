@@ -39,19 +39,8 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 from geometry.bad_input import nearest
 from geometry.design import PRESETS, BadInput, Design
 from geometry.loads import Magnet
-from studies.inputs.user_input import (
-    FIELDS,
-    AccuracyName,
-    Value,
-    check_keys,
-    design_from,
-    design_table,
-    overrides,
-    parse_tolerance,
-    preset_or_file,
-    toml_table,
-    validated,
-)
+from studies.inputs import user_input
+from studies.inputs.user_input import FIELDS, AccuracyName, Value
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -306,8 +295,8 @@ class Study:
 
 def study_design(study: Study, sets: Sequence[str] = (), *, magnet: Magnet = "rigid") -> Design:
     """Return the design of a study, with overrides KEY=VALUE."""
-    base, values = preset_or_file(study.design)
-    return design_from(base, {**values, **study.fields, **overrides(sets)}, magnet)
+    base, values = user_input.preset_or_file(study.design)
+    return user_input.design_from(base, {**values, **study.fields, **user_input.overrides(sets)}, magnet)
 
 
 def parse_axes(axes: Sequence[str]) -> dict[str, list[Value]]:
@@ -340,7 +329,7 @@ def is_study(source: str) -> bool:
     """Return whether a sweep's positional argument names a study, which is a file with axes, or else a design."""
     if source in PRESETS:
         return False
-    keys = set(toml_table(source, "preset or file"))
+    keys = set(user_input.toml_table(source, "preset or file"))
     if "axis" in keys:
         raise BadInput(f"{source}: there is no key 'axis': did you mean axes?")
     return bool({"axes", "zipped", "sample"} & keys)
@@ -348,7 +337,7 @@ def is_study(source: str) -> bool:
 
 def read_study(path: str) -> Study:
     """Read the study in a TOML file; the path of its design is relative to the file's folder."""
-    table = toml_table(path, "file")
+    table = user_input.toml_table(path, "file")
     kinds: dict[str, Any] = {
         "version": int,
         "design": str | dict[str, Any],
@@ -371,15 +360,15 @@ def read_study(path: str) -> Study:
             f"{path}: the study has version {version}, and this version of magtip reads versions 1 to {VERSION}: "
             "install a newer magtip, or write the study anew"
         )
-    check_keys(path, table, kinds)
-    values = validated(path, table, kinds)
+    user_input.check_keys(path, table, kinds)
+    values = user_input.validated(path, table, kinds)
     for name in ("models", "quantities"):
         if name in values and not values[name]:
             raise BadInput(f"{path}: {name} is empty: name one or more, or leave it out for the usual ones")
     design: Any = values.get("design", "paper")
     fields: dict[str, Value] = {}
     if isinstance(design, dict):
-        design, fields = design_table(f"{path}: design", design)
+        design, fields = user_input.design_table(f"{path}: design", design)
     elif design not in PRESETS:
         design = str(Path(path).parent / design)
     return Study(
@@ -391,7 +380,7 @@ def read_study(path: str) -> Study:
         values.get("accuracy"),
         tuple(values.get("models", ())),
         checked_quantities(values.get("quantities", ()), f"{path}: "),
-        None if values.get("tolerance") is None else parse_tolerance(str(values["tolerance"])),
+        None if values.get("tolerance") is None else user_input.parse_tolerance(str(values["tolerance"])),
     )
 
 
@@ -415,7 +404,7 @@ def needs_load(quantities: Sequence[QuantityName]) -> bool:
 def _load(path: str, values: Mapping[str, Any]) -> dict[str, Value]:
     load: dict[str, Value] = {}
     for name, value in values.get("load", {}).items():
-        check_keys(f"{path}: load", [name], LOAD)
+        user_input.check_keys(f"{path}: load", [name], LOAD)
         if isinstance(value, (dict, list)):
             raise BadInput(f"{path}: {name} in [load] must be one value; got {value!r:.60}: several make an axis")
         load[name] = from_table(name, [value])[0]
@@ -468,8 +457,8 @@ def _zipped(path: str, group: Mapping[str, Any]) -> Factor:
 def _sample(path: str, table: Mapping[str, Any]) -> Factor:
     where = f"{path}: sample"
     kinds = {"method": str, "count": int, "seed": int, "ranges": dict[str, Any], "log": list[str]}
-    check_keys(where, table, kinds)
-    values = validated(where, table, kinds)
+    user_input.check_keys(where, table, kinds)
+    values = user_input.validated(where, table, kinds)
     method, count, seed = values.get("method", "sobol"), values.get("count", 0), values.get("seed", 0)
     if method not in SAMPLINGS:
         raise BadInput(f"{where}: method must be {' or '.join(SAMPLINGS)}; got {method!r}")

@@ -19,21 +19,10 @@ from geometry.design import BadInput
 from geometry.loads import ANSWERED
 from geometry.messages import Progress
 from studies.inputs.study_input import needs_load
+from studies.mechanics import path_solver
 from studies.mechanics import store as store_module
 from studies.mechanics.model_choice import UNMET, Choice, along_shear, choose, unmet
-from studies.mechanics.path_solver import (
-    KINDS,
-    NAN,
-    Answer,
-    Kind,
-    Place,
-    Task,
-    answer,
-    place,
-    solve_task,
-    task,
-    unsolved,
-)
+from studies.mechanics.path_solver import KINDS, NAN, Answer, Kind, Place, Task
 from studies.mechanics.store import Position, Store
 from studies.mechanics.study_cases import Cases, FemModel, Plan, Problem, Recent
 from studies.mechanics.workers import finished
@@ -145,7 +134,7 @@ class Paths:
                     return Target("", formula=found, choice=choice), None
                 model = FemModel(model.name, LEVELS[choice.level_or_accuracy], model.model)
             scene = Scene(problem.design, (problem.load,), model.accuracy, problem.magnet, model.model)
-            stored = place(scene, kind, problem.motion)
+            stored = path_solver.place(scene, kind, problem.motion)
         except BadInput as error:
             return Target("", message=str(error)), None
         key = store_module.key(stored.content)
@@ -184,7 +173,7 @@ class Solves:
             reached = sorted(at for at, state in states.items() if state.outcome == "ok")
             lacking = {at for at in path.wanted if at not in states or states[at].outcome in again}
             if lacking:
-                tasks.append(task(path.number, path.place, sorted(lacking), reached))
+                tasks.append(path_solver.task(path.number, path.place, sorted(lacking), reached))
         keys = list(paths)
         self._open = {keys[one.number - 1] for one in tasks}
         self._keys, self.count = keys, len(tasks)
@@ -192,7 +181,12 @@ class Solves:
         if workers is None:
             workers = 0 if sum(map(cost, tasks)) <= INLINE else min(cores(), len(tasks))
         self._finished = finished(
-            tasks, solve_task, workers=workers, scheduler=processes.scheduler, cost=cost, progress=progress
+            tasks,
+            path_solver.solve_task,
+            workers=workers,
+            scheduler=processes.scheduler,
+            cost=cost,
+            progress=progress,
         )
 
     def is_solved(self, key: str) -> bool:
@@ -205,7 +199,7 @@ class Solves:
             while key in self._open:
                 done = next(self._finished)
                 solved = self._keys[done.task.number - 1]
-                states = unsolved(done.task, done.reason) if done.answer is None else done.answer
+                states = path_solver.unsolved(done.task, done.reason) if done.answer is None else done.answer
                 self.store.add(self.paths[solved].place.content, states)
                 self._open.discard(solved)
         except KeyboardInterrupt:
@@ -241,7 +235,9 @@ class Solves:
     def answers(self, key: str) -> Mapping[Position, Answer]:
         """Return the stored answers of a path, by their positions."""
         content = self.paths[key].place.content
-        return self._answers.get(key, lambda: {at: answer(state) for at, state in self.store.states(content).items()})
+        return self._answers.get(
+            key, lambda: {at: path_solver.answer(state) for at, state in self.store.states(content).items()}
+        )
 
     def close(self) -> None:
         """Stop the workers."""
@@ -281,7 +277,7 @@ class Solver:
         paths: dict[str, NeededPath] = {}
         where: list[tuple[str, list[Position]]] = []
         for scene in scenes:
-            places = [place(replace(scene, loads=(load,)), kind) for load in scene.loads]
+            places = [path_solver.place(replace(scene, loads=(load,)), kind) for load in scene.loads]
             key = store_module.key(places[0].content)
             path = paths.setdefault(key, NeededPath(places[0], len(paths) + 1))
             path.wanted |= {one.at: None for one in places}
