@@ -76,8 +76,27 @@ class Place:
 
     @property
     def content(self) -> dict[str, Any]:
-        """Everything on which the states of the path depend except their position."""
-        return content(self.scene, self.kind, self.motion)
+        """Everything on which the states of the path depend except their position, with the physics version."""
+        scene, kind = self.scene, self.kind
+        if kind == "response":
+            return timed_quantities.response_content(scene)
+        if kind == "cycle":
+            return timed_quantities.cycle_content(scene, self.motion)
+        values = scene.dimensionless()
+        loads, load = values.pop("loads"), scene.loads[0]
+        first = loads[0]
+        if kind == "critical depth":
+            return values | {"quantity": kind, "physics": PHYSICS[kind]}
+        if kind == "modes":
+            ratio = scene.design.magnet_density / scene.design.density if scene.magnet == "rigid" else 0.0
+            pressed = {"depth": first["depth"], "density_ratio": float(f"{ratio:.12g}"), "count": MODES}
+            return values | {"quantity": kind, "load": pressed, "physics": PHYSICS[kind]}
+        kept = {name: first[name] for name in ("friction", "grip", "plate_tilt", "imperfection")}
+        way = {
+            "sheared_at_depth": first["depth"] if load.shears_tip else None,
+            "direction": [round(part, 12) + 0.0 for part in unit_vector(load)] if load.shears_tip else None,
+        }
+        return values | {"quantity": kind, "load": kept | way, "physics": PHYSICS[scene.model]}
 
 
 def place(scene: Scene, kind: Kind = "states", motion: PlateMotion = STILL) -> Place:
@@ -111,29 +130,6 @@ def _canonical(scene: Scene, load: Load) -> tuple[Load, tuple[float, float]]:
 def position_of(load: Load, D: float) -> Position:
     """Return the position of a load on its path."""
     return position(load.depth / D, math.hypot(*load.imposed_shear) / D)
-
-
-def content(scene: Scene, kind: Kind = "states", motion: PlateMotion = STILL) -> dict[str, Any]:
-    """Return everything on which the states of a path depend except their position, with the physics version."""
-    if kind == "response":
-        return timed_quantities.response_content(scene)
-    if kind == "cycle":
-        return timed_quantities.cycle_content(scene, motion)
-    values = scene.dimensionless()
-    loads, load = values.pop("loads"), scene.loads[0]
-    first = loads[0]
-    if kind == "critical depth":
-        return values | {"quantity": kind, "physics": PHYSICS[kind]}
-    if kind == "modes":
-        ratio = scene.design.magnet_density / scene.design.density if scene.magnet == "rigid" else 0.0
-        pressed = {"depth": first["depth"], "density_ratio": float(f"{ratio:.12g}"), "count": MODES}
-        return values | {"quantity": kind, "load": pressed, "physics": PHYSICS[kind]}
-    kept = {name: first[name] for name in ("friction", "grip", "plate_tilt", "imperfection")}
-    way = {
-        "sheared_at_depth": first["depth"] if load.shears_tip else None,
-        "direction": [round(part, 12) + 0.0 for part in unit_vector(load)] if load.shears_tip else None,
-    }
-    return values | {"quantity": kind, "load": kept | way, "physics": PHYSICS[scene.model]}
 
 
 def unit_vector(load: Load) -> tuple[float, float]:
