@@ -43,8 +43,6 @@ Scheduler = Annotated[str | None, Parameter(help="Address of a Dask scheduler wh
 class Call:
     """A call of a verb, and what those of its arguments mean that several verbs have.
 
-    Attributes
-    ----------
     arguments : all arguments of the verb by their names.
     """
 

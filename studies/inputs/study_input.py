@@ -70,8 +70,6 @@ class Quantity:
 class Factor:
     """Axes that vary together: one axis of a grid, a zipped group, or the axes of a sample.
 
-    Attributes
-    ----------
     values : for each axis all its values, one for each point; of a table that is given, arrays.
     sampled : whether the points are a sample of a box.
     """
@@ -267,8 +265,6 @@ MOST_SAMPLES = 1_048_576
 class Study:
     """A study as a TOML file describes it; None or empty where the file does not state a value.
 
-    Attributes
-    ----------
     design : name of a preset, or path of a design's TOML file, relative to the current folder.
     tolerance : largest relative error, which chooses the model of each case.
     """

@@ -28,8 +28,6 @@ MOST_CYCLES = 1000
 class Motion:
     """A periodic motion of the plate.
 
-    Attributes
-    ----------
     depth : of the press, mm.
     shear : largest shear along x, mm; 0 for a press.
     frequency : strokes to and fro per second without the holds, Hz.

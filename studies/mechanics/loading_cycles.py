@@ -97,8 +97,6 @@ class CycleState:
 class StaticCurve:
     """States of slow loading along the motion.
 
-    Attributes
-    ----------
     loads : force along x and along z, N, and shear, mm, shape (n, 3).
     outputs : of the elements, shape (n, 3).
     axis : column of the force along the motion in `loads`.
@@ -123,8 +121,6 @@ class StaticCurve:
 class MadeStates:
     """What a calibrated sensor answers in n states.
 
-    Attributes
-    ----------
     force : (n, 3) of the plate, N.
     outputs : (n, k) of its elements.
     decoded, observed, half_width : (n, 3) force by its calibration as if loaded slowly, and with what the silicone
@@ -250,8 +246,6 @@ def _gap(own: Sequence[CycleState], force: Iterable[float]) -> float:
 class Cycles:
     """The states and loops of a motion by one law.
 
-    Attributes
-    ----------
     law : "prony" or "finite", see `fem.model.viscoelasticity`.
     status, message : "ok", "unstable" with the first such state, or why the path ended.
     """
@@ -303,8 +297,6 @@ class Cycles:
 class Static:
     """The slow, fully relaxed sensor.
 
-    Attributes
-    ----------
     curve : its curve; None where it cannot be decoded or does not reach the end of the stroke.
     mesh_error : estimated relative error of the force at the end of the stroke, from the mesh.
     stop : why slow loading does not reach that end; empty if it does.

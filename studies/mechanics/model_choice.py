@@ -73,8 +73,6 @@ CONTACT_POWER = 0.75
 class Statement:
     """Bounds of the errors of one model, for one kind of scene in one region; fractions.
 
-    Attributes
-    ----------
     model, level : finite-element model and its accuracy, "formula" and its level, or "surrogate" and "shipped".
     cost : CPU seconds over those of the section model at level standard, median.
     force, shift, tilt, readings : bounds of the errors; None where the scene has no such quantity.
@@ -105,8 +103,6 @@ class Statement:
 class Choice:
     """The model that a tolerance asks for.
 
-    Attributes
-    ----------
     level_or_accuracy : level of the formulas, accuracy of the finite elements, or "shipped" for the surrogate.
     model : model of the finite elements, "formula" for formulas, "surrogate" for the surrogate.
     bound : largest expected error of force, shift, tilt, readings and, with a shear, the force along it: a fraction.
@@ -132,8 +128,6 @@ class Choice:
 class Region:
     """Where a load lies in the study.
 
-    Attributes
-    ----------
     growth : factor on the bounds for what lies beyond the study; 1 inside.
     beyond : what lies beyond the study, in words; empty inside.
     """

@@ -61,8 +61,6 @@ MODES = 6
 class Place:
     """Where the answer of a case is stored.
 
-    Attributes
-    ----------
     scene : the case as it is solved, with a single load.
     direction : direction of the case's shear, to which the answer is turned.
     motion : of the plate, of cycles only; other answers do not depend on it.
@@ -148,8 +146,6 @@ SMALLER_STEPS = 4
 class Answer:
     """A state that was solved, or the reason why it could not be, for the design that was solved.
 
-    Attributes
-    ----------
     D, E : of the design that was solved, mm and MPa.
     response : None if the solve did not reach the state; `status` and `message` give the reason.
     error_estimate : estimated relative error of the force; NaN if there is no estimate.
@@ -202,8 +198,6 @@ def _turned(response: Response, direction: tuple[float, float]) -> Response:
 class Task:
     """A solve for a worker: the missing states of a path.
 
-    Attributes
-    ----------
     number : number of the path in its study, from 1.
     scene : the missing states as loads, in rising order; their design is that of the path's first case.
     solved : positions of the path that are stored already, from which smaller steps can start.

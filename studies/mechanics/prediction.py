@@ -87,8 +87,6 @@ def features(L: Array, diameter: Array, height: Array, nu: Array, edge: Array) -
 class Beams:
     """Beams whose responses are predicted, arrays of shape (n,).
 
-    Attributes
-    ----------
     L, diameter, height, nu : length, size of the magnet, over D, and Poisson's ratio.
     edge : radius of the magnet's edges over the smaller side of its section.
     """

@@ -32,8 +32,6 @@ TO_HALF_POWER = math.sqrt(0.5)
 class Peak:
     """A resonance: a largest gain inside the band.
 
-    Attributes
-    ----------
     frequency, gain : place, Hz, and height.
     width : distance of the two frequencies with half the power, Hz; None if one of them is outside the band, or
         beyond another rise of the gain.

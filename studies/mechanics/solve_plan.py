@@ -70,8 +70,6 @@ class NeededPath:
 class Target:
     """Where the answer of a problem by one model is.
 
-    Attributes
-    ----------
     key, at, direction : key of its path, position there, direction of the shear; the key of an impossible problem, or
         of one that a formula or the surrogate answers, is empty.
     formula : the answer of a level of the formulas, or of the surrogate.

@@ -70,8 +70,6 @@ Position = tuple[float, float]
 class State:
     """A stored state at one position of a path.
 
-    Attributes
-    ----------
     depth, shear : of plate or grip, over D.
     outcome, status : kind of result, and status of the solve.
     answer : values that JSON can hold.

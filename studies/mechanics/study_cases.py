@@ -71,8 +71,6 @@ class FemModel:
 class Plan:
     """A study that is ready to run.
 
-    Attributes
-    ----------
     factors : what varies; the last factor varies fastest.
     magnet : model of the magnet where it is no axis.
     fem : finite-element models, the surrogate before them, coarsest first; the last one is the reference.
@@ -155,8 +153,6 @@ class Problem:
 class Batch:
     """Some cases of a study.
 
-    Attributes
-    ----------
     axes : values of each axis, shape (n,).
     E : Young's modulus of each case, shape (n,), MPa.
     sensors, sensor : the distinct sensors, None where impossible, and the index of each case's sensor, shape (n,).

@@ -45,8 +45,6 @@ ROOT5 = np.sqrt(5.0)
 class GaussianProcess:
     """A Gaussian process conditioned on training points.
 
-    Attributes
-    ----------
     x : training points, shape (N, p).
     y : outputs, shape (N, q).
     lengths : length scale of each input, shape (p,).

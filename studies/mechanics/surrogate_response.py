@@ -24,8 +24,6 @@ from studies.mechanics.prediction import Beams, Quantity
 class Estimate:
     """A response by the surrogate.
 
-    Attributes
-    ----------
     strain : largest strain of the silicone (see `fem.results.silicone_limits`).
     errors : half widths of 90 % intervals, over the lengths of force, shift and tilt, and of the force along a shear
         ("sideways") over itself; None for tilt and sideways of a press.

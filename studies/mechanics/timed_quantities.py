@@ -18,7 +18,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -134,22 +134,23 @@ def unit_of(at_rest: Design) -> float:
 
 def response_content(scene: Scene) -> dict[str, Any]:
     """Return everything on which the response of a scene at rest depends; the shear is along x."""
-    values = scene.dimensionless()
-    (first,) = values.pop("loads")
     design, unit = scene.design, unit_of(scene.design)
-    relaxation = relaxation_of(design)
     low, high = band(design, scene.accuracy)
     ratio = design.magnet_density / design.density if scene.magnet == "rigid" else 0.0
     load = {
-        "depth": first["depth"],
-        "shear_x": first["shear"][0],
-        "friction": first["friction"],
         "density_ratio": float(f"{ratio:.12g}"),
-        "branches": branches(relaxation, unit),
+        "branches": branches(relaxation_of(design), unit),
         "lowest": float(f"{low / unit:.12g}"),
         "highest": float(f"{high / unit:.12g}"),
     }
-    return values | {"quantity": "response", "load": load, "physics": PHYSICS["response"]}
+    return _content(scene, "response", load)
+
+
+def _content(scene: Scene, quantity: Literal["response", "cycle"], load: Mapping[str, Any]) -> dict[str, Any]:
+    values = scene.dimensionless()
+    (first,) = values.pop("loads")
+    own = {"depth": first["depth"], "shear_x": first["shear"][0], "friction": first["friction"], **load}
+    return values | {"quantity": quantity, "load": own, "physics": PHYSICS[quantity]}
 
 
 def branches(relaxation: Relaxation, rate: float) -> str:
@@ -259,19 +260,15 @@ def cycle_of(scene: Scene, motion: PlateMotion) -> Motion:
 def cycle_content(scene: Scene, motion: PlateMotion) -> dict[str, Any]:
     """Return everything on which the cycles of a scene depend."""
     cycle = cycle_of(scene, motion)
-    values = scene.dimensionless()
-    (first,) = values.pop("loads")
     relaxation = relaxation_of(scene.design)
     load = {
-        "depth": first["depth"],
-        "shear_x": first["shear"][0],
         "friction": cycle.friction,
         "branches": branches(relaxation, cycle.frequency),
         "modulus": scene.design.modulus if relaxation.times else "long-term",
         "waveform": cycle.waveform,
         "cycles": CYCLES,
     }
-    return values | {"quantity": "cycle", "load": load, "physics": PHYSICS["cycle"]}
+    return _content(scene, "cycle", load)
 
 
 def cycle_fields(load: Mapping[str, Any], design: Design) -> Design:

@@ -271,8 +271,6 @@ class WorkersLost(RuntimeError):
 class Executor:
     """How tasks are handed to workers.
 
-    Attributes
-    ----------
     submit : hands over a function and a task, to be done in the order of the calls.
     size : returns the number of tasks that are done at the same time.
     check : raises `SchedulerLost` if no answer can come any more; processes of this machine are not lost unnoticed.

@@ -39,8 +39,6 @@ REPORTS = 0.5
 class Finished(Generic[T, R]):
     """A task with its answer, or with the reason why there is none.
 
-    Attributes
-    ----------
     answer : what the function returned; None if its worker died at both tries, or ran out of memory.
     reason : which of both, in one sentence; empty if there is an answer.
     """

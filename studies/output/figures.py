@@ -92,8 +92,6 @@ THEME: dict[str, Any] = {
 class Figure:
     """A figure with everything that a page says about it.
 
-    Attributes
-    ----------
     caption : what is seen, in sentences.
     data : all numbers of the figure; the chart may draw fewer, which a note says.
     source : name of the file that holds its numbers.
@@ -126,8 +124,6 @@ class Guide:
 class Look:
     """How a plot is drawn.
 
-    Attributes
-    ----------
     line : whether lines join the points of a series.
     log : axes with a logarithmic scale: "", "x", "y" or "xy".
     across : whether low and high are values of x.

@@ -11,8 +11,6 @@ from dataclasses import dataclass
 class Goal:
     """A measured value and its bound.
 
-    Attributes
-    ----------
     value : None or NaN where nothing could be measured.
     bound : largest value, or least one if `at_least`.
     count : number of cases from which the value follows; without cases it says nothing.

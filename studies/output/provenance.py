@@ -32,8 +32,6 @@ class Newer(BadInput):
 class Run:
     """What made a folder.
 
-    Attributes
-    ----------
     command : command line; empty if a Python function was called.
     made : the sentence with command, versions and commit.
     design : fields of the design; empty if there is no single one.

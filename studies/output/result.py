@@ -37,8 +37,6 @@ Writer = Callable[[Path], None]
 class Table:
     """A table of the terminal; a single row has one value to a line.
 
-    Attributes
-    ----------
     brief, first : keys that only a wide table shows, and those that every table shows.
     places : columns that tell rows apart: the message of each row stands below the table, after their values.
     among : all rows of the study among which `places` tell these apart; default: these rows.
@@ -77,8 +75,6 @@ Block = Table | Lines | Texts | str
 class Result:
     """What a study found.
 
-    Attributes
-    ----------
     records : the objects that --json prints, one on a line.
     shown : what the terminal shows instead; default: the records as a table.
     tables : rows by the name of their CSV file without suffix; `digits` are significant.
@@ -114,8 +110,6 @@ class Result:
 class Destination:
     """Where a result goes.
 
-    Attributes
-    ----------
     command : command line that makes the result again; empty where no file states it.
     out : folder of the files; None writes none.
     inputs : files that the study reads, which no output may replace.

@@ -60,8 +60,6 @@ def section_picture(path: str | Path, design: Design, solution: Solution, *, mag
 class _Picture:
     """The section with the colours of its displacement, to which the other parts are added.
 
-    Attributes
-    ----------
     span : ends of the plate, mm.
     ends : left and right end of what is shown, mm; top : its upper end.
     reach : half the height of the picture, mm: the section fits in height and width, and the lowest 0.28 of it is for
@@ -260,8 +258,6 @@ PIECES = 6
 class Cut(NamedTuple):
     """The curved triangles in the plane y = 0.
 
-    Attributes
-    ----------
     rest, moved : undeformed and deformed nodes, shape (m, 6, 3), mm.
     value : displacement at the nodes, shape (m, 6), mm.
     edges : outline, undeformed and deformed, three nodes to an edge, shape (k, 2, 3, 3), mm.

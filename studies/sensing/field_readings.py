@@ -53,8 +53,6 @@ def vector(name: str, text: str, count: int) -> list[float]:
 class Sensing:
     """Options that apply to the readings at every pose.
 
-    Attributes
-    ----------
     mode : "component" for B.n, which an element measures, or "magnitude" for the paper's |B|.
     ambient : uniform ambient field, T.
     noise : random generator for one sample of the elements' noise at each pose; None for no noise.

@@ -38,8 +38,6 @@ MOST_FORCE = 1e6
 class Loads:
     """Loads of a range with the survey of their poses.
 
-    Attributes
-    ----------
     force : (F_x, F_y, F_n), shape (3, n), N, with the normal force as the slowest index.
     distinct : False for a load that equals an earlier one of the grid, as without a tangential force, shape (n,).
     poses : survey; the weight of a load that is not reached is 0, and equal loads share theirs.
