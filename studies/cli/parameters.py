@@ -6,7 +6,7 @@ import dataclasses
 import functools
 import inspect
 import shlex
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -141,32 +141,25 @@ def command(verb: Callable[..., int], arguments: Mapping[str, Any]) -> str:
     (name,) = (name for name in app if app[name].default_command is verb)
     options = {each.field_info.name: each.name for each in app[name].assemble_argument_collection()}
     words = ["magtip", *(["validate"] if verb.__module__ == VALIDATION else []), name]
-    for key, value, default, positional in _arguments(verb, arguments):
-        if value == default:
-            continue
-        if positional:
-            words += map(str, value if isinstance(value, list) else [value])
-        elif value is True:
-            words.append(options[key])
-        else:
-            # an option that was repeated is printed as often
-            each = value if isinstance(value, list) else [value]
-            words += [part for one in each for part in _option(options[key], str(one))]
-    return shlex.join(words)
-
-
-def _option(name: str, value: str) -> list[str]:
-    return [f"{name}={value}"] if value.startswith("-") else [name, value]
-
-
-def _arguments(verb: Callable[..., int], arguments: Mapping[str, Any]) -> Iterator[tuple[str, Any, Any, bool]]:
-    """Yield name, value and default of each argument, and whether it is positional; groups are split into options."""
     for key, parameter in inspect.signature(verb).parameters.items():
         if key in LEFT_OUT:
             continue
-        value, default = arguments[key], parameter.default
+        value, given = arguments[key], [(key, arguments[key], parameter.default)]
         if dataclasses.is_dataclass(value):
-            for field in dataclasses.fields(value):
-                yield field.name, getattr(value, field.name), field.default, False
-        else:
-            yield key, value, default, parameter.kind is parameter.POSITIONAL_ONLY
+            given = [(each.name, getattr(value, each.name), each.default) for each in dataclasses.fields(value)]
+        for own, one, default in given:
+            texts = list(map(str, one if isinstance(one, list) else [one]))
+            if one == default:
+                continue
+            if parameter.kind is POSITIONAL:
+                words += texts
+            elif one is True:
+                words.append(options[own])
+            else:
+                # an option that was repeated is printed as often
+                words += [
+                    part
+                    for text in texts
+                    for part in ([f"{options[own]}={text}"] if text.startswith("-") else [options[own], text])
+                ]
+    return shlex.join(words)
