@@ -22,7 +22,7 @@ from studies.inputs.study_input import needs_load
 from studies.mechanics import path_solver
 from studies.mechanics import store as store_module
 from studies.mechanics.model_choice import UNMET, Choice, along_shear, choose, unmet
-from studies.mechanics.path_solver import KINDS, NAN, Answer, Kind, Place, Task
+from studies.mechanics.path_solver import KINDS, NAN, Answer, Kind, Place, Task, solve_task
 from studies.mechanics.store import Position, Store
 from studies.mechanics.study_cases import Cases, FemModel, Plan, Problem, Recent
 from studies.mechanics.workers import finished
@@ -179,12 +179,7 @@ class Solves:
         if workers is None:
             workers = 0 if sum(map(cost, tasks)) <= INLINE else min(cores(), len(tasks))
         self._finished = finished(
-            tasks,
-            path_solver.solve_task,
-            workers=workers,
-            scheduler=processes.scheduler,
-            cost=cost,
-            progress=progress,
+            tasks, solve_task, workers=workers, scheduler=processes.scheduler, cost=cost, progress=progress
         )
 
     def is_solved(self, key: str) -> bool:
