@@ -193,6 +193,7 @@ def test_shear_turns_with_its_direction(level):
     [
         (paper(), Load(0.4), "magnet", ""),
         (paper(), Load(0.4), "tip", "treats the magnet as silicone"),
+        (SILICONE, stick(0.4, 0.3), "column", ""),
         (paper(), Load(1.0), "magnet", "depth is above 0.06 D = 0.48 mm"),
         (paper(), stick(1.0, 2.0), "finite", ""),
         (paper(), stick(1.0, 2.5), "finite", "shear is above 0.3 D = 2.4 mm"),

@@ -9,14 +9,12 @@ import pytest
 from fem import equilibrium
 from fem.accuracy import QUICK
 from fem.equilibrium import trace
-from fem.model import coulomb_friction, plate_contact
+from fem.model import coulomb_friction
 from fem.model.plate_contact import KAPPA, Plate
 from fem.model.symmetry_models import MeshSpecification
 from fem.solve import load_increments
-from fem.solve.active_set import KeptTangent
-from fem.solve.direct_solver import Solver
 from fem.solve.load_case_models import path_models
-from fem.solve.newton import Equilibrium, newton
+from fem.solve.newton import Equilibrium
 from geometry.design import Design, paper
 from geometry.loads import Load
 
@@ -177,39 +175,3 @@ def test_a_path_to_and_fro_ends_in_the_states_of_plain_steps_after_fewer_iterati
         assert a.dissipated == pytest.approx(b.dissipated, rel=1e-7, abs=1e-12)
         assert a.slip_share == pytest.approx(b.slip_share, abs=1e-9)
     assert sum(a.newton_iterations for a in settled) < 0.7 * sum(b.newton_iterations for b in plain)
-
-
-def sensor(harmonics=0):
-    shape = Design().shape.scaled(1 / 8)
-    return MeshSpecification(shape, 0.4998, "ignored", 0.2, 0.08, harmonics=harmonics).build().system
-
-
-DEPTHS = (0.05, 0.053, 0.056)
-
-
-def plate_at(depth):
-    return Plate(1.125 - depth, 1e4, np.zeros(2))
-
-
-def touching(system, q, held):
-    return plate_contact.overlap(system.surface, system.state(q).u, held) > 0
-
-
-@pytest.mark.parametrize("harmonics", [0, 1])
-def test_small_steps_end_in_the_equilibria_of_new_tangents(harmonics):
-    system, kept = sensor(harmonics), KeptTangent(Solver())
-    first = plate_at(DEPTHS[0])
-    q = newton(system, Solver(), np.zeros(system.size), first, touching(system, np.zeros(system.size), first)).state.q
-    kept_masks = []
-    for depth in DEPTHS:
-        held = plate_at(depth)
-        near = newton(system, kept.solver, q, held, touching(system, q, held), tangent=kept)
-        exact = newton(system, Solver(), q, held, touching(system, q, held))
-        assert near.converged
-        np.testing.assert_allclose(near.state.q, exact.state.q, atol=1e-8 * np.abs(exact.state.q).max())
-        assert near.stability == exact.stability
-        kept_masks.append(kept.pressed)
-        q = exact.state.q
-    # the contact grew, the tangent of the first step did not change
-    assert kept_masks[0] is kept_masks[-1]
-    assert touching(system, q, plate_at(DEPTHS[-1])).sum() > kept_masks[0].sum()

@@ -77,10 +77,8 @@ def test_outputs_stop_at_the_rails():
 
 
 def test_chip_reads_the_whole_vector_where_s1_is():
-    chip, pose = (
-        dataclasses.replace(paper(), hall_layout="tmag5273a1"),
-        {"shift": (0.4, -0.2, -0.7), "tilt": (0.1, 0.02)},
-    )
+    chip = dataclasses.replace(paper(), hall_layout="tmag5273a1")
+    pose = {"shift": (0.4, -0.2, -0.7), "tilt": (0.1, 0.02)}
     read = readings(chip, **pose)
     (b,) = field_at(elements(paper())[0][:1], chip, **pose)
     assert_allclose(read.B_T, [-b[2], b[0], b[1]], rtol=1e-14)

@@ -90,7 +90,7 @@ def test_a_condensed_saddle_point_has_the_verdict_of_the_whole(buckling, library
 
 def test_a_matrix_that_qdldl_does_not_factorise_is_solved_and_its_inertia_is_unknown():
     """An update of qdldl stops at a zero pivot without a word."""
-    b, good, solver = RNG.normal(size=7), saddle(), Solver(pardiso=False)
+    b, good, solver = RNG.normal(size=(7, 2)), saddle(), Solver(pardiso=False)
     for matrix, known in ((good, True), (pairs_of_pivots(), False), (good, True)):
         solver.factorise(with_diagonal(matrix))
         np.testing.assert_allclose(solver.solve(b), np.linalg.solve(matrix, b), rtol=1e-8, atol=1e-10)

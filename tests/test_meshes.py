@@ -86,6 +86,12 @@ def test_boundaries_are_complete(magnet):
         assert volume_of(mesh, mesh.subdomains["magnet"]) == pytest.approx(magnet_volume(PAPER), rel=1e-5)
 
 
+def test_the_coarsest_mesh_has_no_point_inside():
+    mesh = section(Shape(1, 3, 0, 0, 0), 50)
+    rim = np.unique(mesh.facets[:, mesh.boundary_facets()])
+    np.testing.assert_array_equal(rim, np.arange(mesh.nvertices))
+
+
 def test_random_designs_are_well_shaped():
     rng = np.random.default_rng(3)
     smallest = []

@@ -133,27 +133,17 @@ def pieces(end):
 
 def lee_radok(end, t):
     """The integral of G(t - s) d(delta^1.5)(s) up to a time, by quadrature, as a force."""
-    return (
-        16
-        / 3
-        * np.sqrt(R)
-        * G0
-        * sum(
-            quad(lambda s, v=v, t0=t0, d0=d0: SILICONE.modulus(t - s) * 1.5 * np.sqrt(d0 + v * (s - t0)) * v, t0, t1)[
-                0
-            ]
-            for t0, t1, v, d0 in pieces(end)
-        )
-    )
+
+    def rate(s, t0, v, d0):
+        return SILICONE.modulus(t - s) * 1.5 * np.sqrt(d0 + v * (s - t0)) * v
+
+    return hertz(G0, 1.0) * sum(quad(rate, t0, t1, (t0, v, d0))[0] for t0, t1, v, d0 in pieces(end))
 
 
 def moved(begin, t):
     """Ting's integral of G(t - s) delta'(s) from a time on, by quadrature."""
-    return sum(
-        quad(lambda s, v=v: SILICONE.modulus(t - s) * v, max(t0, begin), t1)[0]
-        for t0, t1, v, _ in pieces(t)
-        if t1 > begin
-    )
+    later = ((max(t0, begin), t1, v) for t0, t1, v, _ in pieces(t) if t1 > begin)
+    return sum(v * quad(lambda s: SILICONE.modulus(t - s), t0, t1)[0] for t0, t1, v in later)
 
 
 def test_without_branches_the_force_is_that_of_hertz_both_ways():

@@ -95,6 +95,12 @@ def test_bands_and_loads_that_are_refused(band, load, words):
         vibration.vibrating_sensor(design, load, band, QUICK)
 
 
+def test_a_shaken_base_moves_the_magnet_like_a_mass_on_a_spring_below_resonance():
+    shaken = sensor(Load()).at([5.0, 10.0])
+    assert np.abs(shaken.shift[1, 1, 0] / shaken.shift[0, 1, 0]) == pytest.approx(4.0, rel=0.1)
+    assert np.isnan(shaken.force).all()
+
+
 def test_points_that_slip_stick_in_small_cycles():
     """So the friction coefficient hardly matters, and the sensor is nearly that whose contact is glued."""
     slipping = sensor(Load(depth=1.0, friction=0.3)).at([10.0])
