@@ -8,6 +8,7 @@ model again.
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 import re
 from collections.abc import Mapping, Sequence
@@ -283,26 +284,19 @@ def monte_carlo(request: Request) -> Found:
     unit = "V" if element_columns(request.design)[1] == "V" else "T"
     rows = []
     for name, axis in axes.items():
-        for quantity, values in axis.made.items():
-            for share in SHARES:
-                value, low, high = percentile(values, share)
-                row = {
-                    "method": "montecarlo",
-                    "axis": name,
-                    "quantity": quantity,
-                    "unit": {"sensitivity": f"{unit}/N", "offset": unit}.get(quantity, "N"),
-                    "nominal": axis.nominal[quantity],
-                    "percentile": 100 * share,
-                    "value": value,
-                    "low": low,
-                    "high": high,
-                    "sensors": len(axis.refusals),
-                    "failed": sum(map(bool, axis.refusals)),
-                    "model": request.model,
-                    "model_error_percent": 100 * axis.model_error,
-                    "message": axis.message,
-                }
-                rows.append(_known(row))
+        last = {"sensors": len(axis.refusals), "failed": sum(map(bool, axis.refusals)), "model": request.model}
+        last |= {"model_error_percent": 100 * axis.model_error, "message": axis.message}
+        for quantity, share in itertools.product(axis.made, SHARES):
+            row = {
+                "method": "montecarlo",
+                "axis": name,
+                "quantity": quantity,
+                "unit": {"sensitivity": f"{unit}/N", "offset": unit}.get(quantity, "N"),
+                "nominal": axis.nominal[quantity],
+                "percentile": 100 * share,
+                **dict(zip(("value", "low", "high"), percentile(axis.made[quantity], share), strict=True)),
+            }
+            rows.append(_known(row | last))
     refusals = refusals_of(axes)
     each = sensor_rows(sensors, axes, refusals, unit)
     return Found(rows=rows, each=each, count=len(each), reasons=failure_reasons(refusals), axes=axes)

@@ -110,18 +110,13 @@ def sensors_of(candidates: Candidates) -> Sensors:
     values |= {
         name: np.where(real, c.element(name)[:, None], end) for name, end in (("low", -ABSENT), ("high", ABSENT))
     }
-    size, height, wall = c.sizes()
+    values |= {name: c.silicone(name) for name in ("E_low", "E_high", "density")}
+    values |= dict(zip(("size", "height", "wall"), c.sizes(), strict=True))
     D, d, h, edge = c.D, c.magnet("diameter"), c.magnet("height"), c.magnet("edge_radius")
     return Sensors(
         D=D,
         L=c.L,
-        E_low=c.silicone("E_low"),
-        E_high=c.silicone("E_high"),
-        density=c.silicone("density"),
         magnet_density=c.magnet("density"),
-        size=size,
-        height=height,
-        wall=wall,
         beam=np.column_stack([c.L / D, d / D, h / D, edge / D, c.silicone("nu")]),
         magnet=np.column_stack([d, h]),
         remanence=np.column_stack([c.magnet("remanence_low"), c.magnet("remanence_high")]),
