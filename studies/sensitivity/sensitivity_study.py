@@ -417,7 +417,6 @@ def page(request: Request, found: Mapping[str, Found]) -> str:
 
 
 def _largest_shares(rows: Sequence[FlatRow]) -> list[tuple[str, list[FlatRow]]]:
-    """Return for each output the inputs whose total order is at least `LEAST_SHARE`, the largest first."""
     import pandas as pd
 
     table = pd.DataFrame(rows).astype({"total_order": float})
@@ -427,7 +426,6 @@ def _largest_shares(rows: Sequence[FlatRow]) -> list[tuple[str, list[FlatRow]]]:
 
 
 def _force_errors(axes: Mapping[str, AxisSpread]) -> dict[str, list[tuple[float, float]]]:
-    """Return for each axis the 95th percentiles of the three force errors, in N and in % of the force range."""
     errors = {}
     for name, axis in axes.items():
         span = axis.force_range[1] - axis.force_range[0]

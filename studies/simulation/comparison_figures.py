@@ -80,7 +80,6 @@ def _models(
 
 
 def _last_sentence(data: pd.DataFrame, x: str, label: str) -> str:
-    """Return what the series say at their last point, and where it is if a series ends before the others."""
     last = data.dropna().groupby("series", sort=False).last()
     if not len(last):
         return "There is no point: every state failed."

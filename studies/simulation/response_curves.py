@@ -137,8 +137,7 @@ def evaluator(design: Design, sensor: VibratingSensor) -> At:
 def mesh_difference(curves: Curves, coarse: Curves) -> Array:
     """Return the relative difference (f,) of the force to that on a coarser mesh; of the shift about the free sensor.
 
-    Frequencies (f,) are those of the coarser mesh, which must be among those of the finer one. The difference refers
-    to the larger of both, since a force that falls to 0 at a resonance would have no relative difference.
+    Frequencies (f,) are those of the coarser mesh, which must be among those of the finer one.
     """
     one, other = (c.along if c.force is None else c.force for c in (curves, coarse))
     return _difference(one[np.isin(curves.frequency, coarse.frequency)], other)
@@ -150,11 +149,10 @@ def _difference(one: Complex, other: Complex) -> Array:
 
 
 def rows(curves: Curves, coarse: Curves | None, scene: Scene) -> list[FlatRow]:
-    """Return the rows of response.csv: gains and phases of all quantities over the frequency, and error estimates.
+    """Return the rows of response.csv: gains, phases and error estimates of all quantities over the frequency.
 
-    Frequencies that the coarser mesh does not have, those of resonances, have no `mesh_difference`.
-
-    Phases are those to the motion, or to the force for readings per N, in degrees.
+    Frequencies that the coarser mesh does not have, those of resonances, have no `mesh_difference`. Phases are those
+    to the motion, or to the force for readings per N, in degrees.
     """
     columns: dict[str, Array | None] = {"frequency_Hz": curves.frequency}
     columns |= _polar("force", "_N_per_mm", curves.force)
@@ -213,10 +211,7 @@ def force_errors(curves: Curves, coarse: Curves, scene: Scene) -> Array:
 def errors(
     quantity: VibrationQuantity, curves: Curves, coarse: Curves, gain: Complex, coarse_gain: Complex, scene: Scene
 ) -> Array:
-    """Return the relative errors (f,) of a gain (f,), whose values on the coarser mesh are those of its frequencies.
-
-    Frequencies of the coarser mesh must be among those of the finer one, which may have more.
-    """
+    """Return the relative errors (f,) of a gain (f,); that of the coarser mesh is at the frequencies of this mesh."""
     from fem.results.error_estimates import estimate_vibration
 
     f, slope = curves.frequency, amplification(curves.frequency, gain)

@@ -60,7 +60,6 @@ def response(table: pd.DataFrame) -> list[Figure]:
 
 
 def _idle(table: pd.DataFrame, columns: list[str], names: list[str]) -> str:
-    """Return a sentence for each motion that some elements do not read."""
     sentences = ""
     for motion, rows in table.groupby(texts(table, "motion"), sort=False):
         silent = [

@@ -53,26 +53,9 @@ class Requirements:
     and under each press from `least_press` on all forces along the plate up to `force_x`, in any direction. A load
     outside, such as one that needs more friction, never counts.
 
-    Attributes
-    ----------
-    press_with_shear : least press under which the whole `force_x` is needed; default: force_x / friction.
-    range_cap : loads beyond so many times the required ones have no value; default: none.
-    resolution_z, resolution_x : largest standard deviation of the decoded force at the worst pose of the range.
-    bandwidth, samples : -3 dB bandwidth of the readings and number of readings averaged, which set the noise.
-    chips : largest number of 3-axis chips of a sensor.
-    converter_noise, converter_step : of the analog-to-digital converter of one-axis parts, V.
-    largest_strain : bound of the largest principal nominal strain of the silicone (stretch - 1).
-    drift_per_K, hysteresis : over full scale, see `candidate_performance`.
-    stability_margin : least critical depth over the depth at the end of the press range; always a hard bound.
-    D_low, D_high : range of the diameter.
-    wall : thinnest wall or pin of mould and base.
-    catalogues : files of the user. shipped : kinds of parts whose shipped catalogue is used.
-    magnets, hall_parts, silicones : names of the parts in use; empty for all.
-
-    Raises
-    ------
-    BadInput
-        A value is out of range, or two requirements contradict each other whatever the sensor.
+    The fields say what they are; requirements_example.toml has them all. A resolution is the standard deviation of
+    the decoded force at the worst pose of the range, a strain the largest principal nominal one (stretch - 1), and
+    the stability margin is always a hard bound. Names of parts are empty for all parts.
 
     >>> Requirements(force_z=5.0, resolution_z=6.0)
     Traceback (most recent call last):

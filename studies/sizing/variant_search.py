@@ -319,7 +319,6 @@ def _within(space: Space, choices: Ints, lengths: Array) -> Array:
 
 
 def _neighbours(pool: Found) -> Candidates:
-    """Return the neighbours of the front: one step of the grid along each length, and each other part."""
     chosen = pool.front
     # a front of one objective is a single candidate
     if not len(chosen) or pool.F.shape[1] == 1:
