@@ -59,6 +59,10 @@ def test_a_reduced_run_measures_errors_and_costs_and_writes_all_files(tmp_path, 
     """On two designs; the table of an earlier confirmation does not stay."""
     atomic_files.write_text(tmp_path / "confirm.csv", "kind")
     monkeypatch.setattr(trade, "REPEATS", dict.fromkeys(trade.REPEATS, 1))
+    for own in map(PLAN.get, trade.QUICK_KINDS):
+        size, patch, *others = own["steps"][0]
+        # references coarser by one more step
+        monkeypatch.setitem(own, "steps", [[1.4 * size, 1.4 * patch, *others], *own["steps"]])
     solve_apart, solved = trade.bench.magtip, []
 
     def once(task):
