@@ -443,12 +443,8 @@ def loss_factor_of_gap(
 
     The first guess is that of a linear spring, whose gap is nearly proportional to the loss factor.
 
-    `followed`: returns the cycles of a design in this motion.
-
-    Raises
-    ------
-    OutOfReach
-        No loss factor has this gap, or a motion ended early.
+    `followed`: returns the cycles of a design in this motion. OutOfReach says that no loss factor has this gap, or
+    that a motion ended early.
     """
     check_gap(design, gap_percent)
     known = relaxation_of(replace(design, loss_factor=0.1))

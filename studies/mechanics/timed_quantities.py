@@ -293,12 +293,8 @@ def solve_cycle(scene: Scene, motion: PlateMotion) -> dict[str, Any]:
     -------
     Of the last loop: "gap_percent" at mid-stroke, in percent of full scale; "area_over_ED3"; "largest_over_ED2", the
     largest force along the motion. "error_estimate": relative, of the force. "status" and "message" of the path.
-    Rounding hides that the loop of an elastic sensor is not quite closed.
-
-    Raises
-    ------
-    SolveFailed
-        A state was not reached.
+    Rounding hides that the loop of an elastic sensor is not quite closed. A state that is not reached raises
+    SolveFailed.
     """
     from studies.mechanics.loading_cycles import Static, run
 

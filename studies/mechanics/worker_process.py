@@ -94,12 +94,8 @@ class WorkerProcesses:
         tries : number of processes that may die of the job.
         hear : takes what the job says before it returns; default: nothing does.
 
-        Raises
-        ------
-        WorkerDied
-            All of these processes died.
-        NotStarted
-            A process does not start, or the owner's jobs have been ended.
+        `WorkerDied` says that all of these processes died, `NotStarted` that a process does not start, or that the
+        owner's jobs have been ended.
         """
         codes: list[int] = []
         while len(codes) < tries:

@@ -71,14 +71,8 @@ def finished(
     cost : expected time of a task, in any unit; default: all tasks take equally long.
     progress : receives the finished share of the costs and the time left, if `tasks` is a sequence.
 
-    Raises
-    ------
-    BadInput
-        The scheduler cannot be reached, or its workers do not have this version of magtip.
-    SchedulerLost
-        The scheduler, or all of its workers, were lost during the run.
-    BaseException
-        Whatever else the function raises: it ends the run, with the traceback of the worker as a note.
+    `SchedulerLost` says that the scheduler, or all of its workers, were lost during the run. Whatever the function
+    raises ends the run, with the traceback of the worker as a note.
     """
     report = Unfinished(tasks, cost, progress)
     if isinstance(tasks, Sequence) and tasks:

@@ -265,15 +265,7 @@ class Held(Exception):
 
 @contextlib.contextmanager
 def only(file: Path) -> Iterator[None]:
-    """Hold the lock of this lock file; the file is deleted afterwards.
-
-    Raises
-    ------
-    Held
-        Another process holds the lock.
-    OSError
-        The lock file cannot be made.
-    """
+    """Hold the lock of this lock file, which is deleted afterwards, or raise `Held` if another process holds it."""
     handle = _locked_handle(file)
     try:
         os.ftruncate(handle, 0)

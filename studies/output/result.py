@@ -134,13 +134,7 @@ class Interrupted(KeyboardInterrupt):
 
 
 def collected(rows: Iterable[FlatRow], result: Callable[[list[FlatRow]], Result]) -> Result:
-    """Return the result of all rows of a long study; Ctrl-C prints that of the rows so far.
-
-    Raises
-    ------
-    Interrupted
-        After Ctrl-C.
-    """
+    """Return the result of all rows of a long study; after Ctrl-C `Interrupted` has that of the rows so far."""
     found: list[FlatRow] = []
     try:
         for row in rows:
@@ -153,12 +147,8 @@ def collected(rows: Iterable[FlatRow], result: Callable[[list[FlatRow]], Result]
 def publish(study: Callable[[Progress], Result], here: Destination) -> int:
     """Run a study, write its files, print its result, and return the exit status.
 
-    Raises
-    ------
-    BadInput
-        A file would replace an input or a file that magtip has not written, or another process fills the folder.
-    KeyboardInterrupt
-        After Ctrl-C; what is complete is printed before, and no file is written.
+    No file replaces an input or a file that magtip has not written. After Ctrl-C what is complete is printed, and no
+    file is written.
     """
     check_files(here)
     try:

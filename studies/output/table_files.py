@@ -46,12 +46,8 @@ def writer(path: str | Path, *, digits: int = 6, about: Mapping[str, str] | None
     about : texts by name, such as the command and the versions, kept in a Parquet file's metadata; a CSV file has no
         place for them.
 
-    Raises
-    ------
-    BadInput
-        The file ends neither in .csv nor in .parquet.
-    ValueError, KeyError
-        From the yielded function: the columns of a batch differ in length, or it lacks one of the first batch.
+    The yielded function raises ValueError or KeyError if the columns of a batch differ in length, or if it lacks one
+    of the first batch.
     """
     suffix = Path(path).suffix.lower()
     if suffix not in (".csv", ".parquet"):
