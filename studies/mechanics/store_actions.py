@@ -308,8 +308,6 @@ def chosen(connection: sqlite3.Connection, condition: Condition) -> str:
 def summary(file: Path, connection: sqlite3.Connection, states: str) -> FlatRow:
     """Return how many states of an open store meet the filters; `states` is the table of `chosen`.
 
-    Returns
-    -------
     "size_MB" of the file and its write-ahead log. "solving_s": time that these solves took, s. "states_by_model":
     number of states for each model, or quantity of another kind, and physics version.
     """
@@ -398,12 +396,7 @@ def _paths(connection: sqlite3.Connection, states: str, limit: int) -> list[Flat
 
 
 def export(selection: Selection, out: Path, progress: Progress) -> int:
-    """Write the states that meet the filters to a file, in the order in which their paths were added.
-
-    Returns
-    -------
-    The number of states.
-    """
+    """Write the states that meet the filters to a file, in the order of their paths, and return their number."""
     atomic_files.check_output_file(out, *SUFFIXES)
     sql, values = condition(selection)
     file = selection.store or store.default()
@@ -458,8 +451,6 @@ def _writer(out: Path, file: Path) -> Iterator[Callable[[StateRows], None]]:
 def prune(selection: Selection, *, yes: bool) -> FlatRow:
     """Remove the states that meet the filters, and paths without states; without `yes` only count them.
 
-    Returns
-    -------
     "states" and "paths": numbers of states, and of paths of which no state stays. "solving_s": time that the solves
     of the states took, s. "size_MB" of the file before, and "freed_MB", an estimate while nothing is removed.
     """

@@ -40,8 +40,6 @@ def checks(file: Path, repeated: int = 0, seed: int = 0, progress: Progress | No
 
     `repeated`: number of states, chosen at random by `seed`, that are solved again and compared.
 
-    Yields
-    ------
     "check": what is checked. "status": ok or failed. "checked": number of things that were checked. "message": what
     is wrong and what to do, empty if nothing is.
     """

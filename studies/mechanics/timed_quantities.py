@@ -173,8 +173,6 @@ def response_fields(load: Mapping[str, Any], design: Design) -> Design:
 def solve_response(scene: Scene) -> dict[str, Any]:
     """Solve for the vibration of a scene at rest.
 
-    Returns
-    -------
     "stiffness_real" and "stiffness_imag": Z over |Z| at the lowest frequency, on the grid; "bandwidth", "resonance":
     frequency at which the gain 1 / |Z| is first 3 dB below that at the lowest one, and of its first peak, over the
     unit, None beyond the band; "Q" of this peak, None without branches; "status" and "message" of the state at rest.
@@ -289,8 +287,6 @@ def motion_of_cycle(load: Mapping[str, Any], D: float) -> PlateMotion:
 def solve_cycle(scene: Scene, motion: PlateMotion) -> dict[str, Any]:
     """Follow the cycles.
 
-    Returns
-    -------
     Of the last loop: "gap_percent" at mid-stroke, in percent of full scale; "area_over_ED3"; "largest_over_ED2", the
     largest force along the motion. "error_estimate": relative, of the force. "status" and "message" of the path.
     Rounding hides that the loop of an elastic sensor is not quite closed. A state that is not reached raises
