@@ -17,7 +17,7 @@ from fem.analyses.vibration import vibrating_sensor
 from fem.equilibrium import solve
 from fem.physics_version import PHYSICS
 from fem.scene import Scene
-from geometry.design import BadInput, Design, paper
+from geometry.design import BadInput, paper
 from geometry.loads import Load
 from geometry.relaxation import relaxation_of
 from studies import cases
@@ -25,7 +25,7 @@ from studies.inputs.study_input import Factor, grid
 from studies.mechanics import surrogate_response
 from studies.mechanics.path_solver import Answer, place
 from studies.mechanics.solve_plan import Processes
-from studies.mechanics.study_cases import Cases, FemModel, Plan, Problem, load_of, varied
+from studies.mechanics.study_cases import Cases, FemModel, Plan, Problem, varied
 from studies.mechanics.timed_quantities import PlateMotion
 from studies.sweeps import sweep
 from studies.sweeps.study_rows import flat_rows, with_critical
@@ -243,14 +243,6 @@ def test_the_elements_stay_in_the_base_unless_l0_varies():
     assert varied(base, {"L": 12.0, "magnet_height": 4.0}).l0 == pytest.approx(4.5)
 
 
-def test_loads_stick_when_they_shear_unless_told_otherwise():
-    assert load_of({"depth": 1.0}) == Load(depth=1.0)
-    assert load_of({"depth": 1.0, "shear": 1.0}).friction == "stick"
-    assert load_of({"depth": 1.0, "shear": 1.0, "friction": 0.3}).friction == 0.3
-    assert load_of({"grip": 1.0, "shear": 1.0}).friction == "none"
-    assert load_of({"depth": 1.0, "plate_tilt": 180 / np.pi * 0.1}).plate_tilt == pytest.approx(0.1)
-
-
 # Vibrations and loading cycles: keys of similar designs, answers, and what is refused.
 
 
@@ -297,20 +289,6 @@ def test_the_loss_factor_and_the_modulus_at_rest_change_the_vibration():
     assert rows[1]["response_resonance_Hz"] < rows[0]["response_resonance_Hz"]
     # the larger loss factor stiffens the silicone by half between 1 Hz and the resonance
     assert 10 < rows[2]["response_bandwidth_Hz"] < 200
-
-
-@pytest.mark.parametrize(
-    ("load", "frequency", "part"),
-    [
-        (Load(depth=0.5), 5000.0, "known from 1 to"),
-        (Load(depth=0.5), 0.5, "got 0.5 Hz: take 1 Hz or more"),
-        (Load(depth=0.5, plate_tilt=0.1), None, "needs an upright plate"),
-        (Load(depth=0.5, friction=0.3), None, "needs an upright plate"),
-    ],
-)
-def test_what_cannot_vibrate_is_refused(load, frequency, part):
-    with pytest.raises(BadInput, match=part):
-        place(Scene(Design(), (load,), ROUGH, "rigid"), "response", PlateMotion(frequency))
 
 
 def test_a_shear_in_any_direction_is_solved_along_x():
@@ -360,14 +338,18 @@ def test_a_sweep_has_the_loops_of_a_cycle():
 
 
 @pytest.mark.parametrize(
-    ("load", "motion", "part"),
+    ("kind", "load", "motion", "part"),
     [
-        (Load(depth=0.5), PlateMotion(), "needs a rate"),
-        (Load(depth=0.5), PlateMotion(frequency=1e6), "speak for"),
-        (Load(depth=0.5, plate_tilt=0.1), PlateMotion(1.0), "upright plate"),
-        (Load(shear_x=0.5, grip=1.0), PlateMotion(1.0), "upright plate"),
+        ("response", Load(depth=0.5), PlateMotion(5000.0), "known from 1 to"),
+        ("response", Load(depth=0.5), PlateMotion(0.5), "got 0.5 Hz: take 1 Hz or more"),
+        ("response", Load(depth=0.5, plate_tilt=0.1), PlateMotion(), "needs an upright plate"),
+        ("response", Load(depth=0.5, friction=0.3), PlateMotion(), "needs an upright plate"),
+        ("cycle", Load(depth=0.5), PlateMotion(), "needs a rate"),
+        ("cycle", Load(depth=0.5), PlateMotion(frequency=1e6), "speak for"),
+        ("cycle", Load(depth=0.5, plate_tilt=0.1), PlateMotion(1.0), "upright plate"),
+        ("cycle", Load(shear_x=0.5, grip=1.0), PlateMotion(1.0), "upright plate"),
     ],
 )
-def test_what_makes_no_cycle_is_refused(load, motion, part):
+def test_what_cannot_vibrate_or_makes_no_cycle_is_refused(kind, load, motion, part):
     with pytest.raises(BadInput, match=part):
-        content_of(BRANCHES, load, motion)
+        place(Scene(BRANCHES if kind == "cycle" else paper(), (load,), QUICK, "rigid"), kind, motion)

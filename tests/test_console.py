@@ -82,21 +82,6 @@ def test_what_is_left_out_is_named(capsys, monkeypatch):
     assert "Left out: a long name of 17, detail; --wide and --json show all columns." in said
 
 
-def test_needed_columns_are_never_left_out(capsys, monkeypatch):
-    rows = [{"name": "a", "other": 12345, "force_N": 0.25, "shift_mm": [1.0, 2.0, 3.0]} for _ in range(2)]
-    monkeypatch.setenv("COLUMNS", "18")
-    console.report(rows, as_json=False, first=("force_N", "shift_mm"))
-    out = capsys.readouterr().out
-    assert out.splitlines().count("0.25   1, 2, 3") == 2
-    assert "Left out: name, other;" in " ".join(out.split())
-    monkeypatch.setenv("COLUMNS", "13")
-    console.report(rows, as_json=False, first=("force_N", "shift_mm"))
-    assert capsys.readouterr().out.split("\n\n")[0].splitlines() == [
-        *("name   a", "other  12345"),
-        *("force  0.25 N", "shift  1, 2,", "       3 mm"),
-    ]
-
-
 def test_control_characters_do_not_break_a_table(capsys):
     console.report([{"file": "a\nb\x1b[2J", "n": 1}] * 2, as_json=False)
     assert "a?b?[2J" in capsys.readouterr().out

@@ -1,5 +1,6 @@
 """The verb demo on few states: its files, and what its report names."""
 
+import contextlib
 import dataclasses
 import functools
 import re
@@ -10,6 +11,7 @@ from fem.accuracy import QUICK
 from geometry.design import Design
 from studies import demo
 from studies.cli import entry_point
+from studies.fabrication import assembly_picture
 
 
 @pytest.fixture(scope="module")
@@ -19,6 +21,7 @@ def made(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         few = {"accuracy": QUICK, "depths": (0.5, 1.0), "shears": (0.0, 1.0)}
         patch.setattr(demo, "run", functools.partial(demo.run, **few))
+        patch.setattr(assembly_picture, "painter", contextlib.nullcontext)
         assert entry_point.main(["demo", "--out", str(folder)]) == 0
     return folder, (folder / "REPORT.md").read_text(encoding="utf-8")
 

@@ -130,13 +130,6 @@ def test_what_is_looked_for_runs_in_the_module_that_is_named():
         assert misplaced(text, module, re.findall(r"`(\w+)`", names)) == [], module
 
 
-def test_a_module_that_only_speaks_of_an_equation_is_not_where_it_runs():
-    assert misplaced("exact field of a cylinder: Bulirsch, Derby", "analytic.magnet", ["unit_field"]) == [
-        "unit_field"
-    ]
-    assert misplaced("critical loads: Euler", "analytic.press_terms", []) == ["Euler"]
-
-
 def test_every_verb_has_a_row():
     text = (ROOT / "studies" / "README.md").read_text("utf-8")
     verbs = {verb for verb in commands.app if not verb.startswith("-")}

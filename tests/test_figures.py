@@ -15,8 +15,7 @@ from studies.sensitivity import uncertainty_figures
 from studies.simulation import time_figures
 from studies.sizing import sizing_figures
 from studies.sweeps import sweep_figures
-from studies.web import folder_contents, report_sections
-from studies.web.folder_contents import Contents
+from studies.web import folder_contents
 
 CURVES = pd.DataFrame(
     {
@@ -55,14 +54,6 @@ def test_a_plot_holds_the_points_that_have_both_coordinates():
     assert [one["title"] for one in point["tooltip"]] == ["series", "depth (mm)", "force (N)"]
 
 
-def test_an_absent_series_leaves_its_colour_to_no_other():
-    rows = CURVES[CURVES["series"] == "formula"]
-    look = Look(names=("finite elements", "formula"))
-    colour = layers(plot("t", "c", rows, "depth (mm)", "force (N)", look))["line"]["encoding"]["color"]
-    assert colour["scale"]["domain"] == ["finite elements", "formula"]
-    assert colour["legend"]["values"] == ["formula"]
-
-
 def test_many_points_are_thinned_with_a_sentence_and_keep_their_extremes():
     y = np.random.default_rng(0).permutation(5000) / 5000
     thin = plot("t", "c", pd.DataFrame({"x": np.arange(5000.0), "y": y}), "x", "y", Look(line=False))
@@ -98,12 +89,6 @@ def test_names_with_dots_and_brackets_are_columns():
     point = layers(plot("t", "c", data, "x [mm]", "gain over that at 0.1 Hz"))["point"]["encoding"]
     assert point["x"]["field"] == r"x \[mm\]"
     assert point["y"]["field"] == r"gain over that at 0\.1 Hz"
-
-
-def test_nothing_to_draw_is_no_error():
-    empty = plot("t", "c", CURVES.assign(**{"force (N)": np.nan}), "depth (mm)", "force (N)")
-    assert not len(empty.data)
-    empty.chart.to_dict()
 
 
 @pytest.mark.parametrize(
@@ -159,13 +144,6 @@ x,1,5,0.4,-2,0.1,0
 x,10,5,0.4,-3,0.1,0
 x,100,5,0.2,-90,0.1,0
 """)
-CYCLE = parse("""
-law,time_s,cycle,depth_mm,shear_mm,force_z_N,force_x_N,decoded_force_N
-prony,1,1,0.5,0,1,0,
-prony,2,1,1,0,3,0,
-prony,3,1,0.5,0,0.8,0,
-prony,4,1,0,0,0,0,
-""")
 
 
 def test_gains_are_over_the_lowest_frequency_and_phases_are_those_to_the_force():
@@ -178,14 +156,6 @@ def test_gains_are_over_the_lowest_frequency_and_phases_are_those_to_the_force()
     assert of(phase, panel="motion along z")[name].tolist() == [-10.0, -15.0, -80.0]
     assert of(phase, panel="motion along x", series="S1")[name].tolist() == [-2.0, -3.0, -90.0]
     assert gain.caption.endswith("S2 reads nothing of a motion along z.")
-
-
-def test_a_folder_of_the_verbs_shows_figures_in_place_of_pictures(tmp_path):
-    tables = {"response.csv": RESPONSE, "cycle.csv": CYCLE}
-    section = report_sections.section(Contents(tmp_path, "", tables), solve=False)
-    assert len(section.figures) == 4
-    assert section.replaced == {"response_z.png", "response_x.png", "cycle.png"}
-    assert not section.remarks
 
 
 # sizing
@@ -331,14 +301,6 @@ def test_sampled_points_are_shown_over_each_axis():
     assert next(iter(error.data["panel"])) == "D (mm)"
     assert len(value.data) == 80
     assert list(spots.data)[:2] == ["D (mm)", "L (mm)"]
-
-
-def test_axes_that_vary_together_are_one_axis_with_a_note():
-    whole = table({"D_mm": [8.0, 9.0, 10.0]}, fem_force_N=lambda D: D)
-    whole.insert(1, "L_mm", [9.0, 11.0, 11.0])
-    (figure,) = sweep_figures.sweep(whole)
-    assert list(figure.data) == ["D (mm)", "press force (N)", "series"]
-    assert figure.notes == ("L varies together with D.",)
 
 
 # What the pictures of a sweep show: which rows, which quantities, which note.

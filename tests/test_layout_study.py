@@ -1,16 +1,21 @@
-"""The verb layout: its record, its files, the search and what it finds, the claim of uniqueness, bad input."""
+"""The verb layout: its record, its files, the search, the claim of uniqueness, resolution over loads, bad input."""
 
 import csv
+import itertools
 import re
 import shlex
 
+import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
-from analytic import decode, survey
-from geometry.design import paper
+from analytic import decode
+from geometry.design import Design
+from studies.inputs.option_groups import Basis
 from studies.output import figures
 from studies.sensing import (
     decode_readings,
+    force_range,
     layout_metrics,
     layout_search,
     layout_uniqueness,
@@ -19,12 +24,13 @@ from studies.sensing import (
 FOLDED = ("--set", "magnet_height=4", "--set", "l0=6", "--set", "c=4")
 
 
-@pytest.fixture
+@pytest.fixture(autouse=True)
 def small(monkeypatch):
     """Coarse grids: what is said of them is tested, not how fine they are."""
     monkeypatch.setattr(decode, "CELLS", (12, 12, 6))
     monkeypatch.setattr(figures, "SCALE", 0.5)
     monkeypatch.setattr(layout_metrics, "COUNTS", (7, 7, 5))
+    monkeypatch.setattr(force_range, "COUNTS", (4, 3, 4))
     monkeypatch.setattr(layout_search, "GRID", {1: 5, 2: 4, 3: 3})
     monkeypatch.setattr(layout_search, "STARTS", 2)
     monkeypatch.setattr(layout_search, "HALVINGS", 2)
@@ -37,7 +43,7 @@ def small(monkeypatch):
     monkeypatch.setattr(layout_uniqueness, "POSES", (5, 5, 4))
 
 
-def test_the_paper_is_unique_and_its_shares_add_up(run, strict, small):
+def test_the_paper_is_unique_and_its_shares_add_up(run, strict):
     status, out, err = run("layout", "paper", "--json")
     assert (status, err) == (0, "")
     (record,) = strict(out)
@@ -52,7 +58,7 @@ def test_the_paper_is_unique_and_its_shares_add_up(run, strict, small):
     assert "NI 9205" in record["noise_source"]
 
 
-def test_a_folded_layout_says_what_fails(run, strict, small):
+def test_a_folded_layout_says_what_fails(run, strict):
     status, out, err = run("layout", "paper", *FOLDED)
     assert status == 0
     assert "ambiguous" in out
@@ -66,7 +72,7 @@ def test_a_folded_layout_says_what_fails(run, strict, small):
     assert record["folded"] is (record["noise_worst_um"] is None)
 
 
-def test_the_map_is_a_table_with_units_and_a_picture(run, small, tmp_path):
+def test_the_map_is_a_table_with_units_and_a_picture(run, tmp_path):
     status, _, err = run("layout", "paper", *FOLDED, "--out", "map")
     assert status == 0
     assert "layout.csv, layout.png, LAYOUT.md" in err
@@ -87,7 +93,7 @@ def test_the_map_is_a_table_with_units_and_a_picture(run, small, tmp_path):
     )
 
 
-def test_search_ranks_and_its_options_give_what_it_says(run, strict, small):
+def test_search_ranks_and_its_options_give_what_it_says(run, strict):
     (record,) = strict(run("layout", "paper", "--search", "--count", 2, "--json")[1])
     given, best, *_ = record["search"]
     assert (given["rank"], best["rank"]) == (0, 1)
@@ -101,7 +107,7 @@ def test_search_ranks_and_its_options_give_what_it_says(run, strict, small):
     assert same["search"] == record["search"]
 
 
-def test_search_keeps_to_its_ranges(run, strict, small):
+def test_search_keeps_to_its_ranges(run, strict):
     ranges = ("--range", "f=6", "--range", "l0=7,8")
     (record,) = strict(run("layout", "paper", "--search", *ranges, "--json")[1])
     for row in record["search"][1:]:
@@ -128,7 +134,7 @@ def test_search_keeps_to_its_ranges(run, strict, small):
     assert worst == sorted(worst)
 
 
-def test_the_claim_and_where_it_fails(run, strict, small, tmp_path):
+def test_the_claim_and_where_it_fails(run, strict, tmp_path):
     status, out, _ = run("layout", "paper", "--claim", "--out", "claim", "--json")
     assert status == 0
     (record,) = strict(out)
@@ -144,26 +150,100 @@ def test_the_claim_and_where_it_fails(run, strict, small, tmp_path):
     assert {"claim.csv", "claim.png"} <= names
 
 
-def test_least_difference_is_that_of_the_slopes_for_near_poses():
-    """Nearby, readings differ by the distance over the noise of the pose there."""
-    coder = layout_uniqueness.coder_of(paper(), "B.n, no tilt", decode_readings.of_level(paper(), "paper"))
-    seen = survey.survey(coder, (9, 9, 6), multiplicity=False)
-    least = survey.least_difference(coder, seen, 0.001)
-    assert least == pytest.approx(0.001 / seen.noise_mm.max(), rel=0.05)
-
-
 @pytest.mark.parametrize(
-    ("tokens", "word"),
+    ("options", "sentence"),
     [
-        (("--set", "magnet_diameter=0", "--set", "magnet_height=0"), "no magnet"),
-        (("--mode", "magnitude", "--set", "hall_layout=tmag5273a1"), "chip"),
-        (("--claim", "--set", "hall_layout=tmag5273a1"), "three elements"),
-        (("--clearance", "-1"), "--clearance"),
-        (("--range", "f=5"), "--search"),
-        (("--search", "--range", "f=6,5"), "order"),
-        (("--search", "--range", "l0=0.1,5"), "l0"),
-        (("--search", "--count", "0"), "--count"),
+        ("--set magnet_diameter=0 --set magnet_height=0", "no magnet"),
+        ("--mode magnitude --set hall_layout=tmag5273a1", "chip"),
+        ("--claim --set hall_layout=tmag5273a1", "three elements"),
+        ("--clearance -1", "--clearance"),
+        ("--range f=5", "--search"),
+        ("--search --range f=6,5", "order"),
+        ("--search --range l0=0.1,5", "l0"),
+        ("--search --count 0", "--count"),
+        ("--force-range 5", "takes 2 numbers"),
+        ("--force-range 0,2", "the normal force must be above 0"),
+        ("--force-range 5,-1", "the tangential force 0 or more"),
     ],
 )
-def test_bad_input_is_a_sentence(refusal, tokens, word):
-    assert word in refusal("layout", "paper", *tokens)
+def test_bad_input_is_a_sentence(refusal, options, sentence):
+    assert sentence in refusal("layout", "paper", *options.split())
+
+
+# Resolution over a range of loads
+
+
+def coder_of(design):
+    law = decode_readings.of_level(design, "finite")
+    return layout_metrics.prepare(design, law, Basis(), cells=(8, 8, 4))[0]
+
+
+@pytest.fixture(scope="module")
+def coder():
+    return coder_of(Design(hall_noise=1e-3))
+
+
+def evaluated(coder, normal=4.0, tangential=1.0):
+    return force_range.evaluate(coder, force_range.loads(coder, normal, tangential), normal, tangential, "finite")
+
+
+def test_readings_of_the_loads_decode_to_the_loads(coder):
+    grid = force_range.loads(coder, 4.0, 1.0)
+    pressed = grid.reached & (grid.force[2] > 0)
+    assert pressed.sum() == 3 * 3 * 4
+    decoded = decode.decode(coder, grid.poses.readings[:, pressed].T)
+    assert_allclose(decoded.force.T, grid.force[:, pressed], atol=1e-6)
+    assert_allclose(decoded.noise_N.T, grid.poses.axis_noise_N[:, pressed], rtol=1e-4)
+
+
+def test_the_worst_load_is_a_row_of_the_table(coder):
+    answer = evaluated(coder)
+    rows = force_range.table(force_range.loads(coder, 4.0, 1.0)).to_dict("records")
+    assert len(rows) == answer["loads"] == 4 * (1 + 2 * 4)
+    for k, axis in enumerate("xyz"):
+        column = [row[f"resolution_{axis}_N"] for row in rows if row["usable"]]
+        assert answer["worst_N"][k] == max(column)
+        (at,) = [row for row in rows if row[f"resolution_{axis}_N"] == answer["worst_N"][k]][:1]
+        assert [at[f"force_{name}_N"] for name in "xyz"] == answer["worst_at_N"][k]
+        assert_allclose(
+            at[f"resolution_{axis}_N_per_N"], answer["worst_N"][k] / np.linalg.norm(answer["worst_at_N"][k])
+        )
+    assert answer["worst_N_per_N"] == [answer["worst_N"][0] / 1, answer["worst_N"][1] / 1, answer["worst_N"][2] / 4]
+
+
+def test_a_saturated_element_is_named():
+    answer = evaluated(coder_of(Design(hall_noise=1e-3, hall_high=2.9)))
+    assert answer["saturated_elements"] == ["S1"]
+    assert 0 < answer["saturated_percent"] < 100
+    assert "S1 saturates" in answer["message"]
+    assert answer["full_load_N"] is None
+
+
+def test_loads_beyond_the_formulas_are_counted(coder):
+    answer = evaluated(coder, 90.0, 1.0)
+    assert 0 < answer["reached_percent"] < 50
+    assert "of the loads are within the formulas or states" in answer["message"]
+    assert answer["full_load_N"] is None
+
+
+def test_loads_outside_the_range_of_level_finite_are_a_warning(coder):
+    assert evaluated(coder, 4.0, 0.5)["warnings"] == []
+    (warning,) = evaluated(coder, 4.0, 2.0)["warnings"]
+    assert "shear is above 0.3 D" in warning
+
+
+def test_the_verb_reports_the_range(run, strict, tmp_path):
+    command = ("layout", "paper", "--level", "finite", "--force-range", "4,1")
+    status, out, err = run(*command)
+    assert status == 0
+    assert "warning" not in err
+    assert "Range of loads" in out
+    (record,) = strict(run(*command, "--json", "--out", "map")[1])
+    forces = record["force_range"]
+    assert forces["message"].startswith("0 to 4 N normal and 0 to 1 N tangential: resolution ")
+    assert record["noise_worst_axes_N"][2] <= record["noise_worst_N"] * (1 + 1e-9)
+    with open(tmp_path / "map" / "force_range.csv", newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == forces["loads"]
+    assert all(0 <= float(a["force_z_N"]) <= float(b["force_z_N"]) <= 4 for a, b in itertools.pairwise(rows))
+    assert "## Resolution over the range of loads" in (tmp_path / "map" / "LAYOUT.md").read_text("utf-8")

@@ -37,13 +37,6 @@ def test_a_press_has_its_state_as_json(run, strict):
     assert [state[key] for key in ("stop", "remark", "onset_depth_from_mm", "inside_out_share")] == [None] * 3 + [0.0]
 
 
-@pytest.mark.parametrize("flag", [("--depths", "0.5,1")])
-def test_states_are_lines(run, flag, strict):
-    status, out, _ = run("solve", "paper", *flag, "--json", *QUICK)
-    assert status == 0
-    assert [state["depth_mm"] for state in strict(out)] == [0.5, 1.0]
-
-
 def test_unstable_state_says_since_when(run, strict):
     # a slender beam buckles under a frictionless plate, the later the larger the patch that holds its tip
     flags = ("--model", "harmonic", "--harmonics", 1, "--set", "L=32", "--json", *QUICK)
@@ -56,23 +49,12 @@ def test_unstable_state_says_since_when(run, strict):
     assert unstable["message"] in err
 
 
-@pytest.mark.parametrize("verb", [("sweep", "--axis", "depth=0.5"), ("compare",)], ids=lambda verb: verb[0])
-def test_a_design_without_a_magnet_is_all_silicone(run, monkeypatch, strict, verb):
-    from studies.simulation import compare
-
-    if verb[0] == "compare":
-        full = compare.run
-        short = {"depths": (0.5,), "shears": (0.0,), "shear_depth": 0.5}
-        monkeypatch.setattr(compare, "run", lambda *args, **options: full(*args, **options, **short))
+def test_a_design_without_a_magnet_is_all_silicone(run, strict):
     none = ("--set", "magnet_diameter=0", "--set", "magnet_height=0")
-    status, out, err = run(verb[0], "paper", *verb[1:], *none, "--accuracy", "quick", "--json")
-    assert status == 0
-    (found,) = strict(out)
-    row = found["press"][0] if "press" in found else found
-    assert row["fem_force_N"] > 0
-    assert err.splitlines() == [
-        "magtip: the design has no magnet (magnet_diameter is 0): it is solved as all silicone"
-    ]
+    status, out, err = run("sweep", "paper", "--axis", "depth=0.5", *none, "--accuracy", "quick", "--json")
+    (row,) = strict(out)
+    assert (status, row["fem_force_N"] > 0) == (0, True)
+    assert err == "magtip: the design has no magnet (magnet_diameter is 0): it is solved as all silicone\n"
 
 
 def test_failed_solve_keeps_its_states(run, tmp_path, strict):
@@ -104,16 +86,15 @@ def test_a_mesh_that_cannot_be_made_is_a_failed_solve(run, monkeypatch, strict):
     assert (state["status"], state["force_N"]) == ("not_converged", None)
 
 
-@pytest.mark.parametrize("shear", [-0.5])
-def test_analytic_json(run, shear, strict):
-    status, out, err = run("analytic", "paper", "--depth", 2, "--shear", shear, "--json")
+def test_analytic_json(run, strict):
+    status, out, err = run("analytic", "paper", "--depth", 2, "--shear", -0.5, "--json")
     assert (status, err) == (0, "")
     (record,) = strict(out)
-    expected = beam.solve(paper(), Load(depth=2.0, shear_x=shear, friction="stick"))
+    expected = beam.solve(paper(), Load(depth=2.0, shear_x=-0.5, friction="stick"))
     assert tuple(record["force_N"]) == expected.force
     assert tuple(record["shift_mm"]) == expected.shift
     assert len(record["readings_T"]) == len(record["readings_V"]) == 3
-    assert (record["status"], record["level"], record["shear_mm"]) == ("ok", "paper", shear)
+    assert (record["status"], record["level"], record["shear_mm"]) == ("ok", "paper", -0.5)
 
 
 def test_analytic_states_say_for_which_sensor_they_are(run, refusal, strict, tmp_path):
@@ -134,16 +115,11 @@ def test_analytic_states_say_for_which_sensor_they_are(run, refusal, strict, tmp
 @pytest.mark.parametrize(
     ("given", "loads"),
     [
-        ({"depth": 1.0}, [Load(1.0)]),
         ({"depth": 1.0, "steps": 2}, [Load(0.5), Load(1.0)]),
         ({"depths": "1,2"}, [Load(1.0), Load(2.0)]),
         ({"depth": 1.0, "shear": -0.5}, [Load(1.0, -0.5, friction="stick")]),
-        ({"depth": 1.0, "shear": 1.0, "friction": "none"}, [Load(1.0, 1.0)]),
         ({"depth": 1.0, "shear": 1.0, "friction": "0.5"}, [Load(1.0, 1.0, friction=0.5)]),
-        (
-            {"depth": 1.0, "shear": 1.0, "steps": 2},
-            [Load(1.0, 0.5, friction="stick"), Load(1.0, 1.0, friction="stick")],
-        ),
+        ({"depth": 1.0, "shear": 1.0, "steps": 2}, [Load(1.0, s, friction="stick") for s in (0.5, 1.0)]),
         ({"grip": 2.0, "shear": 1.0}, [Load(0.0, 1.0, grip=2.0)]),
         ({"depth": 1.0, "shear_y": 0.5}, [Load(1.0, 0.0, 0.5, friction="stick")]),
         ({"depth": 1.0, "plate_tilt": 90 / math.pi}, [Load(1.0, plate_tilt=0.5)]),
@@ -168,10 +144,8 @@ def test_formulas_say_what_is_in_the_way(run, strict):
     assert status == 0
     assert any("wall overlaps S2" in text for text in record["warnings"])
     assert err.count("warning: ") == len(record["warnings"])
-    (full,) = strict(run("analytic", "paper", "--depth", 3, "--set", "l0=5", "--json")[1])
-    assert full["saturated"] == [True, False, False]
-    assert "S1 is saturated" in full["warnings"]
-    _, out, err = run("analytic", "paper", "--depth", 3, "--set", "l0=5")
+    _, out, err = run("analytic", "paper", "--depth", 3, "--set", "l0=5", "--json")
+    assert strict(out)[0]["saturated"] == [True, False, False]
     assert "S1 is saturated" in err
 
 
@@ -180,10 +154,8 @@ def test_formulas_say_what_is_in_the_way(run, strict):
     [
         ({"depth": 1.0, "friction": "stick"}, {}, ["--friction stick"]),
         ({"depth": 1.0, "friction": "stick", "shear_y": 1.0}, {}, []),
-        ({"depth": 1.0, "friction": "0.5"}, {}, []),
         ({"depth": 1.0}, {"mesh": Path("m.vtu"), "accuracy": "fine"}, ["--accuracy"]),
         ({"depth": 1.0}, {"mesh": Path("m.vtu")}, []),
-        ({"depth": 1.0}, {"accuracy": "fine"}, []),
     ],
 )
 def test_options_of_a_solve_that_another_makes_useless(motion, method, options):
@@ -200,15 +172,13 @@ STICK = Load(friction="stick")
 @pytest.mark.parametrize(
     ("options", "targets"),
     [
-        ({"depth": 1.0}, []),
         ({"force": 5.0}, [ForceTarget(5.0)]),
         ({"force": 2.0, "steps": 2}, [ForceTarget(1.0), ForceTarget(2.0)]),
-        ({"forces": "5,1"}, [ForceTarget(5.0), ForceTarget(1.0)]),
         ({"force": 5.0, "friction": "0.5"}, [ForceTarget(5.0, None, Load(friction=0.5))]),
         ({"force": 5.0, "shear_force": -1.0}, [ForceTarget(5.0, (-1.0, 0.0), STICK)]),
         (
             {"force": 5.0, "shear_force": 2.0, "shear_force_y": 1.0, "steps": 2},
-            [ForceTarget(5.0, (1.0, 0.5), STICK), ForceTarget(5.0, (2.0, 1.0), STICK)],
+            [ForceTarget(5.0, (s, s / 2), STICK) for s in (1.0, 2.0)],
         ),
     ],
 )
@@ -264,24 +234,29 @@ def test_a_tolerance_chooses_finite_elements_for_the_depth_of_the_force(run, str
 
 
 @pytest.mark.parametrize(
-    ("options", "parts"),
+    ("options", "sentence"),
     [
-        (("--force", 5, "--depth", 1), ["--force and --depth exclude each other"]),
-        (("--force", 5, "--forces", "1,2"), ["--force and --forces exclude each other"]),
-        (("--force", 0), ["force must be", "above 0", "got 0"]),
-        (("--forces", "1,a"), ["--forces", "number", "'a'"]),
-        (("--force", 5, "--grip", 2), ["--grip has no plate", "--force"]),
-        (("--force", 5, "--shear", 1), ["--shear is a displacement", "--shear-force"]),
-        (("--shear-force", 1), ["--shear-force", "add --force"]),
-        (("--forces", "1,2", "--shear-force", 1), ["--forces is for presses only", "--shear-force"]),
-        (("--force", 5, "--shear-force", 3, "--friction", "0.5"), ["0.5 x 5 N = 2.5 N", "got 3 N"]),
-        (("--force", 5, "--shear-force", 1, "--friction", "none"), ["frictionless plate carries no shear force"]),
-        (("--force", 5, "--tolerance", "1%", "--accuracy", "fine"), ["excludes --accuracy fine"]),
+        ("--force 5 --depth 1", "--force and --depth exclude each other"),
+        ("--force 5 --forces 1,2", "--force and --forces exclude each other"),
+        ("--force 0", "above 0; got 0"),
+        ("--forces 1,a", "each value of --forces must be a finite number; got 'a'"),
+        ("--force 5 --grip 2", "--grip has no plate"),
+        ("--force 5 --shear 1", "--shear is a displacement"),
+        ("--shear-force 1", "add --force"),
+        ("--forces 1,2 --shear-force 1", "--forces is for presses only"),
+        ("--force 5 --shear-force 3 --friction 0.5", "0.5 x 5 N = 2.5 N, at which the plate slips; got 3 N"),
+        ("--force 5 --shear-force 1 --friction none", "frictionless plate carries no shear force"),
+        ("--force 5 --tolerance 1% --accuracy fine", "excludes --accuracy fine"),
+        ("--depth 1 --tolerance 1% --model half", "excludes --model half"),
+        ("--depth 1 --tolerance 1% --harmonics 2", "excludes --harmonics 2"),
+        ("--depth 1 --tolerance 1% --mesh a.vtu", "excludes --mesh a.vtu"),
+        ("--depth 1 --tolerance=-1%", "such as 1%"),
+        ("--depth 1 --tolerance 100%", "such as 1%"),
+        ("--depth 1 --tolerance one", "such as 1%"),
     ],
 )
-def test_impossible_options_are_a_sentence(refusal, options, parts):
-    err = refusal("solve", "paper", *options)
-    assert all(part in err for part in parts), err
+def test_impossible_options_are_a_sentence(refusal, options, sentence):
+    assert sentence in refusal("solve", "paper", *options.split())
 
 
 # Solutions within a tolerance
@@ -333,66 +308,30 @@ def test_a_picture_and_a_comparison_are_not_by_the_surrogate(run, monkeypatch, t
 
 
 @pytest.mark.parametrize(
-    "option", [("--accuracy", "fine"), ("--model", "half"), ("--harmonics", "2"), ("--mesh", "a.vtu")]
-)
-def test_a_tolerance_excludes_the_options_that_it_decides(refusal, option):
-    assert f"excludes {' '.join(option)}" in refusal("solve", "paper", "--depth", "1", "--tolerance", "1%", *option)
-
-
-@pytest.mark.parametrize(
-    "text",
+    ("quick", "finer", "status", "model", "said"),
     [
-        "-1%",
-        "100%",
-        "one",
+        (0.04, 0.01, 0, "axisymmetric standard", ""),
+        (0.04, 0.04, 3, "axisymmetric fine", "4 %, exceeds the tolerance 2 %"),
+        (None, None, 3, "axisymmetric fine", "is unknown"),
     ],
 )
-def test_a_tolerance_that_is_no_share_is_refused(refusal, text):
-    for option in ([f"--tolerance={text}"], ["--tolerance", text]):
-        assert "such as 1%" in refusal("solve", "paper", "--depth", "1", *option)
+def test_an_estimate_beyond_the_tolerance_is_solved_again_finer(monkeypatch, run, quick, finer, status, model, said):
+    def estimates(one, other, load, scene, model):
+        value = quick if scene.accuracy.name == "quick" else finer
+        return Estimates(force=value, shift=value, tilt=None, sideways=None)
 
-
-def test_an_estimate_beyond_the_tolerance_is_solved_again_at_a_finer_accuracy(monkeypatch, run):
     monkeypatch.setattr("fem.equilibrium.estimate_response", estimates)
-    command = ("solve", "paper", *WITHOUT_SURROGATE, "--depth", "0.4", "--tolerance", "2%", "--json")
-    _, out, err = run(*command)
+    words = ("solve", "paper", *WITHOUT_SURROGATE, "--depth", "0.4", "--tolerance", "2%", "--json")
+    found, out, err = run(*words)
     row = json.loads(out)
-    assert row["chosen_model"] == "axisymmetric standard"
-    assert row["error_estimate"] == 0.01
-    assert "at accuracy quick the error estimate of the force, 4 %, exceeds" in err
-    assert "solved again at accuracy standard" in err
+    assert (found, row["chosen_model"], row["error_estimate"]) == (status, model, finer)
+    assert said in row["message"]
+    assert f"solved again at accuracy {model.split()[1]}" in err
 
 
-def estimates(one, other, load, scene, model):
-    """Estimates of 4 % at accuracy quick, and of 1 % at finer ones."""
-    value = 0.04 if scene.accuracy.name == "quick" else 0.01
-    return Estimates(force=value, shift=value, tilt=None, sideways=None)
-
-
-@pytest.fixture
-def few_states(monkeypatch):
-    """Let a comparison be one of few states."""
+def test_compare_takes_a_tolerance(run, monkeypatch):
     monkeypatch.setattr(compare, "run", functools.partial(compare.run, depths=(0.5, 1.0), shears=(0.0, 0.5)))
-
-
-@pytest.mark.usefixtures("few_states")
-def test_compare_takes_a_tolerance(run):
     status, out, err = run("compare", "paper", "--tolerance", "5%", "--json")
     record = json.loads(out)
-    assert status == 0
-    assert record["chosen_model"].endswith(" quick")
-    assert record["tolerance"] == 0.05
+    assert (status, record["tolerance"], record["chosen_model"][-6:]) == (0, 0.05, " quick")
     assert f"{record['chosen_model']}, because" in err
-
-
-@pytest.mark.parametrize("value", [0.04, None])
-def test_an_estimate_that_never_meets_the_tolerance_ends_with_status_3(value, run, monkeypatch):
-    monkeypatch.setattr(
-        "fem.equilibrium.estimate_response", lambda *_: Estimates(force=value, shift=value, tilt=None, sideways=None)
-    )
-    status, out, err = run("solve", "paper", *WITHOUT_SURROGATE, "--depth", "0.4", "--tolerance", "1%", "--json")
-    (row,) = map(json.loads, out.splitlines())
-    assert (status, row["status"], row["chosen_model"]) == (3, "beyond_tolerance", "axisymmetric fine")
-    words = "is unknown" if value is None else "4 %, exceeds the tolerance 1 %"
-    assert words in row["message"]
-    assert "solved again at accuracy fine" in err

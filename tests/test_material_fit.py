@@ -143,12 +143,6 @@ def test_few_points_are_fitted_by_laws_with_as_few_constants(count):
         assert pytest.approx(1.4998 * 2, rel=0.1) == best.E
 
 
-def test_a_law_with_more_constants_than_points_cannot_be_chosen():
-    data = sheet((1.0, 0.6))
-    with pytest.raises(BadInput, match=r"yeoh has more constants than the test has distinct stretches \(1\)"):
-        law_regression.choose(law_regression.fit(data), data, "yeoh")
-
-
 def test_data_beyond_the_stable_range_warn_and_are_not_chosen(tmp_path):
     stretch = np.linspace(1, 3, 30)
     data = Specimen(stretch, law_regression.nominal_stress("yeoh", (-0.08, 0.0), stretch))
@@ -272,15 +266,6 @@ def test_bad_files(tmp_path, text, words):
     assert all(word in said for word in words), said
 
 
-def test_no_file_a_folder_and_no_text(tmp_path):
-    for path, word in ((tmp_path / "none.csv", "there is no file"), (tmp_path, "is a folder")):
-        with pytest.raises(BadInput, match=word):
-            read_specimen(str(path))
-    (tmp_path / "raw.csv").write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(BadInput, match="UTF-8"):
-        read_specimen(str(tmp_path / "raw.csv"))
-
-
 # Relaxation tests and dynamic tests in files
 
 
@@ -378,11 +363,6 @@ def test_bad_files_are_refused_in_one_sentence(file, header, content, options, m
     assert "\n" not in str(raised.value)
 
 
-def test_a_table_of_times_and_frequencies_is_refused_with_both_columns(file):
-    with pytest.raises(BadInput, match=r"columns time_s and frequency_Hz belong to a relaxation test and a dynamic"):
-        kind_of(file("frequency_Hz,time_s,storage_modulus_MPa,tan_delta", rows(1.0, 1.0, 0.1)))
-
-
 # Prony branches
 
 
@@ -456,24 +436,6 @@ def test_a_ramp_is_taken_out_of_the_branches():
     after = ramp < TIMES_BRANCH_REGRESSION
     late = chosen(Test("relaxation", TIMES_BRANCH_REGRESSION[after], values[after], "")).relaxation
     assert sum(late.shares[:-1]) / late.rest > 1.2 * SERIES.shares[1] / SERIES.rest
-
-
-def test_a_test_that_relaxes_to_nothing_is_refused():
-    values = np.exp(-TIMES_BRANCH_REGRESSION / 10)
-    with pytest.raises(BadInput, match="the shares g of the fitted branches add up to 1, so that no stress remains"):
-        fit(Test("relaxation", TIMES_BRANCH_REGRESSION, values, ""))
-
-
-def test_a_long_recording_is_averaged_over_intervals_of_the_logarithm():
-    at = np.arange(1, 100_001) * 0.002
-    noise = 2e-3 * np.random.default_rng(0).normal(size=len(at))
-    test = Test("relaxation", at, E * SERIES.modulus(at) + noise, "youngs_modulus_MPa")
-    short = thinned(test)
-    assert 200 <= len(short.at) < 450
-    assert (np.diff(short.at) > 0).all()
-    best = chosen(short)
-    assert best.relaxation.times == pytest.approx(SERIES.times, rel=0.1)
-    assert (best.instantaneous, best.long_term) == pytest.approx((E, E * SERIES.rest), rel=0.01)
 
 
 @pytest.mark.parametrize("end", [20.2, 22.0, 24.0, 40.0])

@@ -11,13 +11,12 @@ from analytic.parts import of_design
 from geometry.base import Base, plan
 from geometry.design import Design
 from studies.output.goals import Goal, failures
-from studies.sizing import conflicts
 from studies.sizing.candidate_variables import Space
 from studies.sizing.catalogues import catalogues_of, read_catalogue
-from studies.sizing.conflicts import conflict_of, demand, impossible
-from studies.sizing.published_sensors import REQUIRED, published_sensors, reached_in
-from studies.sizing.requirements import AT_MOST, LIMITS, Requirements, read_requirements
-from studies.sizing.variant_search import Effort, searched, sorted_parts
+from studies.sizing.conflicts import demand, impossible
+from studies.sizing.published_sensors import published_sensors, reached_in
+from studies.sizing.requirements import LIMITS, Requirements, read_requirements
+from studies.sizing.variant_search import Effort, sorted_parts
 
 FULL = """
 version = 1
@@ -98,13 +97,6 @@ def test_rows_state_what_is_unset():
     assert states["force_x"] == states["first_mode"] == "unset"
 
 
-def test_resolution_without_bandwidth_is_warned_of():
-    assert Requirements(force_z=5.0, resolution_z=0.005, bandwidth=100.0).warnings() == []
-    assert Requirements(force_z=5.0).warnings() == []
-    (text,) = Requirements(force_z=5.0, resolution_z=0.005).warnings()
-    assert text.startswith("bandwidth is not set")
-
-
 @pytest.mark.parametrize(
     ("text", "parts"),
     [
@@ -151,7 +143,6 @@ NEEDED = Requirements(
 )
 PARTS = catalogues_of(NEEDED)
 BRIEF = Effort(64, 6)
-STRICT = {"largest_strain": 0.02, "resolution_z": 1e-5, "outer_size": 12.0, "first_mode": 1e4}
 
 
 @pytest.mark.parametrize(("key", "bound"), [("outer_size", 9.0), ("height", 9.0), ("wall", 4.0)])
@@ -172,56 +163,12 @@ def test_no_candidate_is_beyond_a_bound():
         assert not impossible(dataclasses.replace(needed, **{key: float(least)}), PARTS)
 
 
-@pytest.fixture(scope="module")
-def conflict():
-    needed = dataclasses.replace(NEEDED, largest_strain=0.02)
-    found = searched(needed, PARTS, BRIEF)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(conflicts, "LEAST_EFFORT", Effort(64, 6))
-        patch.setattr(conflicts, "ADVICES", 1)
-        points = []
-
-        def solve(chosen, wanted):
-            points.append((len(chosen), wanted))
-            return []
-
-        return needed, conflict_of(needed, PARTS, BRIEF, found, solve), points
-
-
-def test_advice_without_finite_elements_is_not_given(conflict):
-    """Each advice is searched again and solved: what no solve confirms is not said."""
-    needed, found, points = conflict
-    assert found.advices == ()
-    assert "no requirement was found that could give alone" in found.sentence()
-    assert found.sentence().startswith(f"none of {found.candidates} candidates meets all requirements")
-    assert points[-1][1].largest_strain > needed.largest_strain
-
-
 @pytest.mark.parametrize("strict", [1.0, 1e-3])
 def test_a_demand_does_not_depend_on_how_much_too_strict_the_requirement_is(strict):
     needed = dataclasses.replace(NEEDED, resolution_z=1e-3 * strict)
     assert 0.02 < demand("resolution_z", needed, PARTS, BRIEF) < 0.2
     forces = dataclasses.replace(NEEDED, force_z=min(50.0 / strict, 1e4), force_x=None)
     assert 5 < demand("force_z", forces, PARTS, BRIEF) < 50
-
-
-@pytest.mark.parametrize(
-    ("name", "other", "bounds"),
-    [
-        ("largest_strain", "force_x", (2.0, 1.0)),
-        ("resolution_z", "height", (16.0, 25.0)),
-        ("outer_size", "largest_strain", (0.3, 0.5)),
-        ("first_mode", "stability_margin", (2.0, 1.0)),
-    ],
-)
-def test_a_looser_requirement_never_gives_a_larger_demand(name, other, bounds):
-    """Of two bounds of another requirement the looser one, which comes last, demands no more."""
-    # else a smaller force along the plate is asked for under lighter presses, too
-    one = {"magnets": ("5x3 N45",), "silicones": ("Smooth-Sil 940",), name: STRICT[name]}
-    base = dataclasses.replace(NEEDED, press_with_shear=2.5, **one)
-    parts, effort = catalogues_of(base), Effort(128, 16)
-    tight, loose = (demand(name, dataclasses.replace(base, **{other: bound}), parts, effort) for bound in bounds)
-    assert loose <= 1.005 * tight if name in AT_MOST else loose >= tight / 1.005
 
 
 # Failures that follow from goals.
@@ -245,11 +192,6 @@ MET = Goal("error", 0.5, 1.0, 3, "%")
 def test_a_goal_without_data_is_missed(posed, said):
     assert (" ".join(failures(posed)) == "") == (said == "")
     assert said in " ".join(failures(posed))
-
-
-def test_a_goal_without_a_bound_is_refused():
-    with pytest.raises(ValueError, match="finite bound"):
-        Goal("error", 0.0, math.inf, 1)
 
 
 # Catalogues
@@ -279,14 +221,6 @@ def named(parts, name):
     return part
 
 
-def test_shipped_ranges_are_plausible():
-    parts = parts_of()
-    assert all(1.0 < magnet.remanence_low < magnet.remanence_high < 1.5 for magnet in parts.magnets)
-    assert all(part.low < part.null < part.high for part in parts.hall_parts)
-    assert all(0.04 < silicone.E_low < silicone.E < silicone.E_high < 4 for silicone in parts.silicones)
-    assert all(silicone.nu_low < silicone.nu < silicone.nu_high <= 0.5 for silicone in parts.silicones)
-
-
 @pytest.mark.parametrize(
     ("name", "psi"), [("Ecoflex 00-50", 12), ("Dragon Skin 10", 22), ("Dragon Skin 20", 49), ("Smooth-Sil 950", 272)]
 )
@@ -311,11 +245,6 @@ def test_an_unknown_part_is_refused(refused):
         parts_of(silicones=("Dragon Skin 40",))
     with refused("magnets: the catalogues have no 'huge'", "`magtip catalogue` lists all parts"):
         parts_of(magnets=("huge",))
-
-
-def test_an_empty_kind_is_refused(refused, toml):
-    with refused("the catalogue of hall_parts is empty: add hall_parts to `shipped`"):
-        parts_of(shipped=("magnets", "silicones"))
 
 
 def test_a_part_in_two_files_is_refused(refused, toml):
@@ -435,15 +364,6 @@ def test_one_kind(run, strict):
     assert all(row["source"] for row in rows)
 
 
-def test_all_kinds_are_tables(run):
-    status, out, _ = run("catalogue")
-    assert status == 0
-    assert [out.index(title) for title in ("Magnets: ", "Hall parts: ", "Silicones: ")] == sorted(
-        out.index(title) for title in ("Magnets: ", "Hall parts: ", "Silicones: ")
-    )
-    assert "4x2 N35" in out
-
-
 def test_published_sensors(run, strict):
     status, out, _ = run("catalogue", "published", "--json")
     assert status == 0
@@ -462,27 +382,6 @@ def test_published_sensors(run, strict):
 SENSORS = {sensor["name"]: sensor for sensor in published_sensors()}
 
 
-def figure(name, quantity):
-    (one,) = [each for each in SENSORS[name]["figures"] if each["quantity"] == quantity]
-    return one
-
-
-@pytest.mark.parametrize(
-    ("name", "quantity", "value"),
-    [
-        ("MagOne", "resolution_z", 1.42e-3),
-        ("MagOne", "resolution_x", 0.71e-3),
-        ("Dwivedi 2018", "resolution_z", 11.7e-3),
-        ("Tomo 2016", "range_z", 14.2),
-        ("eFlesh 2025", "resolution_z", 0.27),
-        ("eFlesh 2025", "resolution_x", 0.12),
-    ],
-)
-def test_figures_of_the_abstracts(name, quantity, value):
-    one = figure(name, quantity)
-    assert (one["value"], one["origin"]) == (pytest.approx(value), "abstract")
-
-
 @pytest.mark.parametrize("name", SENSORS)
 def test_requirements_have_the_same_box(name):
     sensor = SENSORS[name]
@@ -490,7 +389,7 @@ def test_requirements_have_the_same_box(name):
     for each in sensor["figures"]:
         if each["quantity"].startswith("resolution") and name != "Chathuranga 2016":
             continue  # a result of the sizing, not a bound
-        assert getattr(requirements, REQUIRED.get(each["quantity"], each["quantity"])) == pytest.approx(each["value"])
+        assert getattr(requirements, each["quantity"].replace("range", "force")) == pytest.approx(each["value"])
     assert catalogues_of(requirements).magnets
 
 
@@ -531,8 +430,3 @@ def test_results_are_read(tmp_path):
 def test_a_box_without_a_variant_is_left_out(tmp_path, refused, front):
     with refused("holds no result of magtip size in a folder named paper_sensor, magone"):
         reached_in(written(tmp_path, front))
-
-
-def test_what_is_no_result_is_refused(tmp_path, refused):
-    with refused("sizing.json is no result of magtip size", "run it again"):
-        reached_in(written(tmp_path, [{"status": "ok"}]))

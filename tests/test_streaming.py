@@ -187,17 +187,6 @@ def wait_for(condition):
     pytest.fail("nothing came")
 
 
-def test_first_seconds_are_the_zero():
-    design = paper()
-    rest = forward_model.readings_with_slopes(forward_model.model(design, forward_model.NO_TILT), np.zeros((3, 1)))[0]
-    volts = tuple(float(v) for v in 2.5 + 31.25 * (rest[:, 0] + [1e-4, -2e-4, 1e-4]))
-    live = live_stream.Live(design, live_stream.Streaming(port="-", rest=0.2))
-    pressed = tuple(float(v) + 0.05 for v in volts)
-    rows = live.rows([(0.01 * k, volts) for k in range(21)] + [(0.01 * k, pressed) for k in range(21, 40)])[:1]
-    assert rows[0]["time_s"] == pytest.approx(0.2)
-    assert_allclose([rows[0][f"shift_{axis}_mm"] for axis in "xyz"], 0, atol=1e-9)
-
-
 def test_a_zero_needs_a_number_of_each_element():
     live = live_stream.Live(paper(), live_stream.Streaming(port="-", rest=0.2))
     with pytest.raises(BadInput, match="an element sent no number"):

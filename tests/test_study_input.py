@@ -38,9 +38,6 @@ def test_bad_axes(axes, parts, refused):
         parse_axes(axes)
 
 
-STUDY = 'design = "paper"\nmagnet = "rigid"\n[axes]\nD = [6, 8, 10]\nE = [0.5, 1, 2]\ndepth = [0.5, 1, 2]\n'
-
-
 def test_study_finds_its_design_beside_it(toml):
     toml("D = 10\nL = 12", "sensor.toml")
     study = read_study(toml('design = "sensor.toml"\ndepth = 1\n[axes]\nf = [5, 6]', "study.toml"))
@@ -175,11 +172,6 @@ def test_refusal(value, unit, parts, refused):
 
 
 # Designs and numbers that users give: what is accepted, and one sentence for everything else.
-
-
-def test_preset_and_overrides():
-    assert read_design("paper") == paper()
-    assert read_design("paper", ["D = 9", "L=12"]) == dataclasses.replace(paper(), D=9.0, L=12.0)
 
 
 def test_file_fills_from_the_preset(toml):

@@ -113,14 +113,6 @@ def test_cases_that_cannot_be_solved_stay_rows():
         )
 
 
-def test_designs_of_different_laws_do_not_share_a_solve(traced):
-    """Numbers of a law that the design does not have make no difference."""
-    points = [("neo-hookean", 0.0, 0.0), ("neo-hookean", 1.0, 0.0), ("yeoh", 0.0, 0.0), ("yeoh", 1.0, 0.0)]
-    points += [("yeoh", 1.0, 1.0)]
-    run(BARE, (Factor(("law", "yeoh_2", "yeoh_3"), tuple(zip(*points, strict=True))),), {"depth": 0.2})
-    assert len(traced) == 4
-
-
 AXES = {"L": [9.0, 10.0], "depth": [0.5, 1.0]}
 
 
@@ -247,13 +239,6 @@ def test_decoded_forces_follow_the_modulus():
     assert soft["decoded_force_error_percent"] < 10
 
 
-def test_a_model_that_cannot_carry_the_load_says_so_in_its_row():
-    fem = (FemModel("axisymmetric-quick", QUICK, "axisymmetric"),)
-    (row,) = run(paper(), {"shear": [0.5]}, {"depth": 0.5}, fem=fem, **SIDE)
-    assert row["status"] == "bad_input"
-    assert "model axisymmetric cannot carry a shear" in row["message"]
-
-
 @pytest.mark.parametrize(("axis", "values"), [("l0", [0.6, 7.2]), ("hall_low", [3.0, 0.2])])
 def test_impossible_hall_elements_spoil_only_their_own_cases(axis, values):
     wrong, right = run(paper(), {axis: values}, {"depth": 0.5})
@@ -329,13 +314,6 @@ def test_a_bug_in_a_worker_ends_the_sweep_and_is_stored_nowhere(kept, monkeypatc
     assert kept.counts() == (0, 0)
 
 
-def test_rows_have_the_error_estimates_of_solve():
-    (row,) = run(paper(), {"shear": [0.3]}, {"depth": 0.5}, **SIDE)
-    own = equilibrium.solve(paper(), Load(0.5, 0.3, 0.0, "stick"), QUICK).estimates
-    names = ("error_estimate", "shift_error_estimate", "tilt_error_estimate", "sideways_error_estimate")
-    assert [row[name] for name in names] == [own.force, own.shift, own.tilt, own.sideways]
-
-
 def test_states_that_are_removed_during_a_sweep_end_it_with_a_sentence(kept, refused):
     run(BARE, {"L": [9.0, 11.0], "depth": [0.5]}, kept=kept)
     batches = sweep.run(plan_of(BARE, {"L": [9.0, 10.0, 11.0]}, {"depth": 0.5}), None, kept, processes=Processes(0))
@@ -398,14 +376,6 @@ def test_options_replace_the_values_of_a_study(toml):
     assert [model.accuracy for model in plan.fem] == [QUICK]
 
 
-def test_axes_vary_a_preset_or_a_file(toml):
-    path = toml("D = 10\nL = 12\n", "sensor.toml")
-    for options in (asked(["E=1,2", "depth=1"]), asked(["E=1,2", "depth=1"], design=path)):
-        plan = asked_plan(path if options[0].design is None else None, options)
-        assert (plan.design.D, plan.axes, plan.count) == (10.0, ("E", "depth"), 2)
-    assert asked_plan(None, asked(["depth=1"])).design == paper()
-
-
 def test_models_are_ordered_from_coarse_to_fine():
     plan = asked_plan(None, asked(["depth=1"], models="half-quick,finite,standard,quick,paper"))
     assert [(model.name, model.model) for model in plan.fem] == [
@@ -462,12 +432,6 @@ def test_a_study_with_axes_of_its_own_takes_no_others(toml, refused):
         asked_plan(path, asked(["E=1"]))
     with refused("the design is given twice"):
         asked_plan(path, asked(design="paper"))
-
-
-def test_a_study_does_not_fix_the_magnet_that_it_varies(toml, refused):
-    path = toml('magnet = "ignored"\ndepth = 1\n[axes]\nmagnet = ["rigid", "ignored"]\n', "study.toml")
-    with refused("magnet is given twice, as an axis and alone in the study"):
-        asked_plan(path, asked())
 
 
 def cases(axes, **figures):

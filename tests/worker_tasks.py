@@ -20,10 +20,6 @@ def environment(name):
     return os.environ[name]
 
 
-def own_process(_):
-    return os.getpid()
-
-
 def noted(folder):
     """Note this process in a folder, and sleep."""
     Path(folder, str(os.getpid())).touch()
@@ -49,11 +45,6 @@ def counted(task):
     return kind
 
 
-def prints(text):
-    print(text, flush=True)
-    return sys.stdin.read()
-
-
 SOLVES = "MAGTIP_TEST_SOLVES"
 """Environment variable with the file in which solves note that they begin."""
 
@@ -73,7 +64,6 @@ def raises(kind):
         "interrupt": KeyboardInterrupt(),
         "odd": OddError(1, 2),
         "bug": ValueError("a bug"),
-        "memory": MemoryError(),
     }
     raise errors[kind]
 

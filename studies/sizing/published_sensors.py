@@ -21,8 +21,6 @@ FOLDER = Path(__file__).resolve().parent.parent / "examples" / "sizing"
 """Folder of the files of requirements that are made from the boxes."""
 UNITS = {"range_z": "N", "range_x": "N", "resolution_z": "N", "resolution_x": "N", "outer_size": "mm", "height": "mm"}
 """Quantities that are compared, with their units."""
-REQUIRED = {"range_z": "force_z", "range_x": "force_x"}
-"""Keys of requirements that have another name than the quantity."""
 ORIGINS = ("abstract", "paper", "recording", "derived", "assumed")
 """Where a figure was read; "derived" follows from figures that were read."""
 
