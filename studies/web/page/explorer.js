@@ -65,15 +65,10 @@ const Explorer = (() => {
     if (done) commitSoon();
   }
 
-  const parts = () => [
-    "state",
-    "curve",
-    "sensor3d",
-    ...(view.lines === "yes" ? ["field_lines"] : []),
-    "stability",
-    ...(engine.parts || []),
-    "commands",
-  ];
+  const parts = () =>
+    Requests.PARTS.filter(
+      (part) => !engine.without?.includes(part) && (part !== "field_lines" || view.lines === "yes"),
+    );
   const changes = (side) =>
     fields.filter((field) => field.scope === "design" && sides[side][field.name] !== field.value);
 

@@ -50,8 +50,6 @@ const LiveEngine = () => {
     wait:
       "Solving the first state. " +
       "The first start after an installation compiles functions, which takes a minute or more.",
-    // parts that an engine without finite elements does not have
-    parts: ["margins", "vibration", "loop"],
     start: connect,
     ask(request) {
       if (socket?.readyState === WebSocket.OPEN) socket.send(JSON.stringify(request));

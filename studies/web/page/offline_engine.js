@@ -92,6 +92,8 @@ const OfflineEngine = (text) => {
   return {
     sensor: () => page.sensor,
     time: "solved beforehand",
+    // parts that need a server
+    without: ["margins", "vibration", "loop"],
     start: () => setTimeout(() => on.opened(), 0),
     ask,
     async fields() {
