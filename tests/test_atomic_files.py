@@ -161,8 +161,8 @@ def test_files_are_read_by_their_kind(tmp_path):
     assert root.name == "a"
     table = root.tables["t.csv"]
     assert len(table) == 2
-    np.testing.assert_array_equal(table.frame["x"], [1, np.nan])
-    assert table.frame["good"].tolist() == ["True", "False"]
+    np.testing.assert_array_equal(table["x"], [1, np.nan])
+    assert table["good"].tolist() == ["True", "False"]
     assert root.designs["design.toml"].D == 10
     assert root.pictures == ["cup.png"]
     assert list(root.pages) == ["PAGE.md"]
