@@ -65,10 +65,8 @@ const Explorer = (() => {
     if (done) commitSoon();
   }
 
-  const parts = () =>
-    Requests.PARTS.filter(
-      (part) => !engine.without?.includes(part) && (part !== "field_lines" || view.lines === "yes"),
-    );
+  const isAsked = (part) => !engine.without?.includes(part) && (part !== "field_lines" || view.lines === "yes");
+  const parts = () => Requests.PARTS.filter(isAsked);
   const changes = (side) =>
     fields.filter((field) => field.scope === "design" && sides[side][field.name] !== field.value);
 
