@@ -329,7 +329,7 @@ def _drawn(
     span, guides = None, tuple[Guide, ...]()
     if error:
         guides = bands(5, 10)
-        span, said = _limits(data[label], label)
+        span, said = _limits(data[label])
         notes = [*notes, *said]
     elif log and data[label].min() > 0 and data[label].max() > figures.WIDE * data[label].min():
         log += "y"
@@ -338,7 +338,7 @@ def _drawn(
     yield replace(figure, notes=(*figure.notes, *notes))
 
 
-def _limits(errors: pd.Series, label: str) -> tuple[tuple[float, float] | None, list[str]]:
+def _limits(errors: pd.Series) -> tuple[tuple[float, float] | None, list[str]]:
     """Return the range of errors that is drawn, without few far beyond the others, and a sentence on these."""
     numbers = np.append(errors[np.isfinite(errors)].to_numpy(), [-10.0, 10.0])
     inside = numbers[abs(numbers) <= BEYOND * float(np.percentile(abs(numbers), 90))]
