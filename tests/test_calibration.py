@@ -396,6 +396,23 @@ def test_swapped_elements_are_told(bench, run, tmp_path):
     assert "do not use this calibration; probably S2 is exchanged with S3, or Fx_N is exchanged with Fy_N" in err
 
 
+def test_a_missing_temperature_is_that_of_the_rows_beside_it(calibration):
+    warmer, said = calibration_file.warmer_of(calibration[0], np.array([20.0, np.nan, 40.0, np.nan]))
+    assert warmer == pytest.approx([0, 10, 20, 20])
+    assert said == ["2 of 4 rows have no temperature: it is interpolated from the rows beside them"]
+    assert calibration_file.warmer_of(calibration[0], np.full(2, np.nan))[1] == []
+
+
+def test_remanence_and_gains_move_against_each_other_and_leave_the_force_alone(simulated):
+    sensor, shift, rng = simulated
+    un = sensor.unknowns
+    wide = np.array([0.1 if name == "remanence" or name.startswith("gain") else 0.0 for name in un.names])
+    sensor = dataclasses.replace(sensor, unknowns=dataclasses.replace(un, deviation=wide))
+    found = sensor_fit.fit(sensor, rows_of(sensor, un.mean, shift, rng), np.zeros(len(shift)))
+    sentence = "remanence moves against gain_S1, gain_S2, gain_S3 (1.00): the decoded force does not depend on it"
+    assert sentence in calibration_study.sentences(found)
+
+
 def test_a_lag_of_the_forces_is_found():
     t = np.arange(0, 30, 0.02)
     force = 5 * np.sin(0.9 * t) ** 2 + 0.3 * np.sin(5 * t)

@@ -161,3 +161,13 @@ def test_a_frequency_has_the_storage_modulus():
 def test_impossible_rates_are_refused(rate, part):
     with pytest.raises(BadInput, match=part):
         comparison_rows.check_rate(paper(), 3.0, *rate)
+
+
+def test_rows_without_a_force_have_none_at_a_rate():
+    rows = [{"depth_mm": d, "fem_force_N": f} for d, f in ((0.5, 1.0), (1.0, math.nan), (2.0, 4.0))]
+    one, lost, last = comparison_rows.with_rate(ONE, "press", rows, None, 1.0)
+    assert math.isnan(lost["fem_force_at_rate_N"])
+    assert last["fem_force_at_rate_N"] > 4
+    assert one["fem_force_at_rate_change_percent"] == pytest.approx(100 * (one["fem_force_at_rate_N"] - 1))
+    assert comparison_rows.with_rate(ONE, "press", rows, None, None) == rows
+    assert "2 mm" in comparison_rows.rate_sentence(ONE, [one, lost, last], None, 1.0)

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from studies.output import console, text_tables
+from studies.simulation import load_cases
 
 RESULTS = Path(__file__).parents[1] / "results"
 TABLES = sorted(str(path.relative_to(RESULTS)) for path in RESULTS.rglob("*.csv"))
@@ -80,6 +81,35 @@ def test_what_is_left_out_is_named(capsys, monkeypatch):
     console.report(rows, as_json=False, brief=("detail",), first=("force_N",))
     said = " ".join(capsys.readouterr().out.split())
     assert "Left out: a long name of 17, detail; --wide and --json show all columns." in said
+
+
+STATE = {
+    "status": "ok",
+    "message": "",
+    "model": "half",
+    "depth_mm": 1.0,
+    "shear_mm": 0.5,
+    "force_N": [0.2731, 0, -4.149],
+}
+STATE |= {"shift_mm": [0.2055, 0.0, -0.3057], "tilt_rad": 0.04169, "contact_radius_mm": 2.062, "error_estimate": 2e-3}
+STATE |= {"shift_error_estimate": 2e-3, "tilt_error_estimate": 2e-3, "dofs": 1234, "seconds": 0.5}
+
+
+@pytest.mark.parametrize("columns", [20, 80])
+def test_rows_one_by_one_keep_to_the_terminal(columns, capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", str(columns))
+    longer = STATE | {"force_N": [-0.00012345678, -1.5e-9, 12345.678], "status": "not_converged", "stop": "x"}
+    keys = [key for key in STATE if key not in ("message", "model", "dofs")]
+    records = console.stream(
+        iter([STATE, STATE, longer]), as_json=False, title="States", keys=keys, count=3, first=load_cases.FIRST
+    )
+    out = capsys.readouterr().out
+    assert records == [STATE, STATE, longer]
+    assert max(map(len, out.splitlines())) <= columns
+    whole = " ".join(out.split())
+    assert whole.count("-0.0001235, -1.5e-09, 1.235e+04") == 1
+    assert whole.count("0.2731, 0, -4.149") == 2
+    assert "Left out: model, dofs, stop; --wide" in whole
 
 
 def test_control_characters_do_not_break_a_table(capsys):

@@ -134,6 +134,28 @@ def test_a_load_comes_back_from_a_file_as_it_was(tmp_path, load):
     assert state.load == load
 
 
+def solved_by_formulas(run, folder):
+    lines = [
+        run("analytic", "paper", "--level", "finite", "--depth", depth, "--shear", shear, "--json")[1]
+        for depth in (0.3, 0.6, 0.9, 1.2)
+        for shear in (0.0, 0.5, 1.0)
+    ]
+    (folder / "states.jsonl").write_text("".join(lines))
+
+
+def test_states_have_the_resolution_that_the_decoder_states(run, strict, tmp_path):
+    solved_by_formulas(run, tmp_path)
+    design = ("paper", "--responses", "states.jsonl", "--set", "hall_noise=0.001", "--set", "hall_average=4")
+    rows = strict(run("readings", *design, "--json")[1])
+    for row in (rows[3], rows[7]):
+        volts = ",".join(map(str, row["readings_V"]))
+        (decoded,) = strict(run("decode", *design, "--readings", volts, "--json")[1])
+        assert_allclose(row["resolution_N"], decoded["noise_N"], rtol=1e-4)
+        # the decoder's force is that of the fitted polynomials
+        assert_allclose(row["resolution_N_per_N"], decoded["noise_N_per_N"], rtol=2e-3)
+    assert "resolution" in run("readings", *design)[1]
+
+
 # The verb field
 
 

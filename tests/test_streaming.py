@@ -103,6 +103,23 @@ def test_cut_doubled_and_foreign_bytes_give_no_wrong_frame(layout):
     assert reader.lost > 0
 
 
+def test_counts_begin_near_the_field_at_rest():
+    """A chip under the magnet sees 20 mT, four times what 16 bits of 0.15 uT hold."""
+    design = Design(hall_layout="tmag5273a1", chip_x=1.0)
+    options = live_stream.Streaming(port="-", frames="aa", axes="y,-x,z")
+    rest = live_stream.rest_in_frames(design, options, 1)
+    assert max(map(abs, rest)) > 0.15 * 2**16
+    counts = [round(v / frames.LSB[k == 2]) & 0xFFFF for k, v in enumerate(rest)]
+    reader = frames.Frames("aa", 1)
+    reader.begin_near(rest)
+    frame = b"\xaa" + struct.pack(">3H", *(0xFFFF - c for c in counts))
+    found = reader.feed(3 * frame)[0]
+    assert found == pytest.approx(rest, abs=0.2)
+    x, y, _ = live_stream.reader(design, options)(found)
+    field = forward_model.readings_at(forward_model.model(design), np.zeros((3, 1)))[:, 0]
+    assert (x, y) == pytest.approx(field[:2], abs=2e-7)
+
+
 def test_a_checksum_is_needed_once_lines_have_it():
     reader = frames.Frames("lines", 2)
     good = [with_sum(f"{k},1") for k in range(6)]
