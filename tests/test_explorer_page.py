@@ -354,21 +354,22 @@ def test_page_says_nothing_on_the_console_and_asks_no_other_server(page, served)
     assert hosts <= {urlsplit(served[1]).netloc, ""}
 
 
-def test_killed_server_is_said_on_the_page_and_a_new_one_shows_margins_of_requirements(
-    chromium, served, start, tmp_path
-):
-    page = start("&depth=0.9")
-    before = drawn(page, SECTION)
-    served[0].kill()
-    wait(page, "document.body.dataset.server === 'gone' && !document.getElementById('notice').hidden")
-    assert "start it again" in text(page, "#notice")
-    assert drawn(page, SECTION) == before
+def test_killed_server_is_said_on_the_page_and_a_new_one_shows_margins_of_requirements(chromium, tmp_path):
     file = tmp_path / "requirements.toml"
     file.write_text('force_z = "2 N"\nforce_x = "0.4 N"\nouter_size = "20 mm"\nhall_parts = ["TMAG5273A1"]\n')
-    with server(urlsplit(served[1]).port, file) as (_, address):
+    # a server of its own, for other tests need theirs
+    with server() as (process, address):
+        page = opened(chromium, f"{address}{QUICK}&depth=0.9", 1400, 900)
+        rest(page)
+        before = drawn(page, SECTION)
+        process.kill()
+        wait(page, "document.body.dataset.server === 'gone' && !document.getElementById('notice').hidden")
+    assert "start it again" in text(page, "#notice")
+    assert drawn(page, SECTION) == before
+    with server(urlsplit(address).port, file) as (_, again):
         wait(page, "document.body.dataset.server === 'token'")
         assert "another token" in text(page, "#notice")
-        margins_are_shown(opened(chromium, f"{address}&level=quick", 1400, 900))
+        margins_are_shown(opened(chromium, f"{again}&level=quick", 1400, 900))
 
 
 def margins_are_shown(page):
