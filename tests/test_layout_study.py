@@ -157,7 +157,7 @@ def test_the_claim_and_where_it_fails(run, strict, tmp_path):
         ("--mode magnitude --set hall_layout=tmag5273a1", "chip"),
         ("--claim --set hall_layout=tmag5273a1", "three elements"),
         ("--clearance -1", "--clearance"),
-        ("--range f=5", "--search"),
+        ("--range f=5", "--range sets the range of a search: add --search"),
         ("--search --range f=6,5", "order"),
         ("--search --range l0=0.1,5", "l0"),
         ("--search --count 0", "--count"),

@@ -348,7 +348,7 @@ def layout(call: Call, *, basis: Basis = Basis(), parts: LayoutParts = LayoutPar
     here = call.here(layout_report.FILES, [basis.responses])
     design = call.design()
     if parts.ranges and not parts.search:
-        raise BadInput("--range call.sets the range of a search: add --search")
+        raise BadInput("--range sets the range of a search: add --search")
     if parts.count is not None and not parts.search:
         say_no_effect("--count", "it works with --search only")
     return publish(partial(layout_report.run, design, basis, parts), here)

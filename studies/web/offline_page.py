@@ -32,13 +32,11 @@ from studies.output import atomic_files
 from studies.output.page_templates import rendered
 from studies.web import state_answers, state_exports, state_pictures, state_tables
 from studies.web.explorer_state import RATES, ExplorerState, Level, components, explorer_fields
-from studies.web.page_content import as_json, packed, page_charts
+from studies.web.page_content import PAGE, as_json, packed, page_charts
 
 if TYPE_CHECKING:
     from fem.solution import Solution
 
-PAGE = Path(__file__).parent / "page"
-"""Files of the page."""
 INDEX, LIVE = "index.html", "page/live_engine.js"
 LEVEL: Level = "standard"
 """Accuracy of the page's finite elements: that of the verbs."""
