@@ -12,13 +12,13 @@ from analytic.magnet import cylinder_field
 from fem.accuracy import QUICK
 from fem.equilibrium import trace
 from fem.model import angular_fields
+from fem.results import revolved_body
 from fem.solution import Field
 from geometry.design import Design, paper
 from geometry.loads import Load
-from studies.output import picture_labels, vtk_files
+from studies.output import deformed_body, picture_labels, vtk_files
 from studies.output.solution_pictures import SIZE, cut_of, plane_name, plate_span, section_picture
-from studies.output.vtk_files import field_grid
-from studies.web import deformed_surface, state_pictures
+from studies.web import state_pictures
 
 
 def quadratic(kind, refine):
@@ -69,13 +69,15 @@ def test_cut_through_a_full_body(pressed):
     for shear, length in ((0.0, 1.0), (0.5, math.hypot(1.0, 0.5))):
         load = Load(depth=1.0, shear_x=1.0, shear_y=shear, friction="stick")
         cut = cut_of(dataclasses.replace(pressed, field=field, load=load, model="full"))
-        a, b, c = np.moveaxis(cut.rest[:, :3], 1, 0)
+        a, b, c = np.moveaxis(cut.rest[cut.triangles], 1, 0)
         area = np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2
-        outline = np.linalg.norm(cut.edges[:, 0, 2] - cut.edges[:, 0, 0], axis=1).sum()
+        outline = np.linalg.norm(np.diff(cut.rest[cut.edges], axis=1)[:, 0], axis=1).sum()
         assert np.abs(cut.rest[..., 1]).max() < 1e-12
         assert area == pytest.approx(length, rel=1e-9)
         assert outline == pytest.approx(2 + 2 * length, rel=1e-9)
-        assert cut.value == pytest.approx(np.linalg.norm(cut.moved - cut.rest, axis=2), rel=1e-9, abs=1e-12)
+        c, s = load.direction
+        turn = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+        np.testing.assert_allclose(cut.moved - cut.rest, cut.rest @ turn @ slope.T @ turn.T, atol=1e-9)
 
 
 # Names and axes in the white around a picture's subject.
@@ -133,7 +135,7 @@ def test_section_covers_both_sides_without_gaps(solution):
 
 def test_surface_agrees_with_that_of_the_report(solution):
     own = state_pictures.surface(solution)
-    report = deformed_surface.parts_of(field_grid(solution))
+    report = deformed_body.parts_of(vtk_files.body_grid(revolved_body.place(solution)))
     assert own["parts"].keys() == report.keys()
     for name, (rest, u, _) in report.items():
         points = np.array(own["parts"][name]["points"]).reshape(-1, 3)

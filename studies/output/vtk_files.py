@@ -40,14 +40,13 @@ def write_field(path: str | Path, solution: Solution) -> None:
     ones: subtract displacement_mm for the undeformed place. Pressure is positive in compression; at the middle of an
     edge it is the mean of the pressures at both ends, because the pressure is linear in each element.
     """
-    _save(path, field_grid(solution))
-
-
-def field_grid(solution: Solution) -> Any:
-    """Return the PyVista grid that `write_field` writes."""
     from fem.results.revolved_body import place
 
-    solid = place(solution)
+    _save(path, body_grid(place(solution)))
+
+
+def body_grid(solid: Body) -> Any:
+    """Return the PyVista grid of a deformed body, as `write_field` writes it."""
     grid = grid_of(solid.mesh)
     moved = spatial(solid.u)
     grid.points = grid.points + moved

@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from geometry.bad_input import SolveFailed
 from geometry.design import BadInput, Design, paper
-from geometry.loads import Load
+from geometry.loads import ANSWERED, Load, Magnet
 from studies.inputs import study_input, user_input
 from studies.mechanics.study_cases import load_of, varied
+from studies.output import deformed_body
 from studies.output.figures import Figure
 from studies.sensitivity import uncertainty_figures
 from studies.simulation import comparison_figures, critical_depths, time_figures
 from studies.sizing import sizing_figures
 from studies.sweeps import sweep_figures
-from studies.web import deformed_surface, folder_contents, paper_figures, verdict_figures
-from studies.web.deformed_surface import Surface
+from studies.web import folder_contents, paper_figures, state_pictures, verdict_figures
 from studies.web.folder_contents import Contents
 
 if TYPE_CHECKING:
@@ -83,6 +86,7 @@ class Section:
     Attributes
     ----------
     name : path of the folder below that of the report.
+    surfaces : sensors in 3D: title, caption, parts and largest displacement, mm.
     sheets : tables that are shown at once, by their titles.
     replaced : pictures that a figure replaces.
     remarks : sentences on what is left out.
@@ -91,7 +95,7 @@ class Section:
     name: str
     contents: Contents
     figures: list[Figure] = field(default_factory=list)
-    surfaces: list[Surface] = field(default_factory=list)
+    surfaces: list[dict[str, Any]] = field(default_factory=list)
     sheets: dict[str, pd.DataFrame] = field(default_factory=dict)
     replaced: set[str] = field(default_factory=set)
     remarks: list[str] = field(default_factory=list)
@@ -153,7 +157,7 @@ def _add_surfaces(result: Section, *, solve: bool) -> None:
             result.remarks.append(f"{name} is not shown: the page shows {MOST_SURFACES} solutions of a folder in 3D.")
             continue
         try:
-            surface = deformed_surface.from_file(contents.path / name)
+            surface = surface_of_file(contents.path / name)
         except BadInput as error:
             result.remarks.append(f"{name} was not read: {error}.")
             continue
@@ -164,9 +168,104 @@ def _add_surfaces(result: Section, *, solve: bool) -> None:
     state = state_of(contents)
     if not result.surfaces and state is not None and solve:
         try:
-            result.surfaces.append(deformed_surface.solved(*state))
+            result.surfaces.append(solved_surface(*state))
         except BadInput as error:
             result.remarks.append(f"{error}.")
+
+
+def surface_of_file(path: Path) -> dict[str, Any] | None:
+    """Return the surface of a solution's .vtu file; None if it is a mesh without displacements.
+
+    Raises
+    ------
+    BadInput
+        The file is no .vtu file with cells.
+    """
+    import pyvista as pv
+    from vtkmodules.vtkCommonCore import vtkObject
+    from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridReader
+
+    # VTK would print its own messages; the report says in a sentence that the file cannot be read
+    vtkObject.GlobalWarningDisplayOff()
+    try:
+        reader = vtkXMLUnstructuredGridReader()
+        reader.SetFileName(str(path))
+        reader.Update()
+        grid = pv.wrap(reader.GetOutput())
+    finally:
+        vtkObject.GlobalWarningDisplayOn()
+    if not grid.n_cells:
+        raise BadInput("it is no .vtu file with cells")
+    if "displacement_mm" not in grid.point_data:
+        return None
+    return _described(
+        f"Deformed sensor, {path.name}",
+        f"the state in {path.name}",
+        state_pictures.surface_data(deformed_body.parts_of(grid)),
+    )
+
+
+def solved_surface(design: Design, load: Load | None) -> dict[str, Any]:
+    """Solve for a state by finite elements and return its surface.
+
+    Parameters
+    ----------
+    load : of the study; None, where it names none, for a press to D/8 and a glued shear of D/8.
+
+    Raises
+    ------
+    BadInput
+        The solve stopped before this state.
+    """
+    from fem.accuracy import STANDARD
+    from fem.equilibrium import trace
+
+    why = ", for want of a load in the files," if load is None else ""
+    load = load or Load(depth=design.D / 8, shear_x=design.D / 8, friction="stick")
+    magnet: Magnet = "rigid" if design.shape.has_magnet else "ignored"
+    status: str
+    try:
+        solution = trace(design, [load], STANDARD, magnet=magnet, estimate=False)[-1]
+        status, message = solution.status, solution.message
+    except (BadInput, SolveFailed) as error:
+        status, message = "bad_input" if isinstance(error, BadInput) else "not_converged", str(error)
+    if status not in ANSWERED:
+        raise BadInput(f"the sensor was not solved for its 3D figure ({status}): {message}")
+    response = solution.response
+    return _described(
+        "Deformed sensor",
+        _named_load(load),
+        state_pictures.surface(solution),
+        f" Solved{why} for this report, for D = {design.D:.4g} mm and L = {design.L:.4g} mm: force "
+        f"{response.force[0]:.3g} N along the shear and {response.force[2]:.3g} N in compression; the magnet tilts "
+        f"by {math.degrees(response.tilt):.2g} degrees.",
+    )
+
+
+def _named_load(load: Load) -> str:
+    """Return what is done to the sensor.
+
+    >>> _named_load(Load(depth=1.0, shear_x=0.5, friction=0.3))
+    'a press of 1 mm and a shear of 0.5 mm with a friction coefficient of 0.3'
+    """
+    parts = [f"a press of {load.depth:.3g} mm" if load.grip is None else f"a grip of {load.grip:.3g} mm"]
+    if load.plate_tilt:
+        parts.append(f"a plate tilted by {math.degrees(load.plate_tilt):.3g} degrees")
+    if load.shear:
+        parts.append(f"a shear of {load.shear:.3g} mm")
+    contact = {"stick": "with the plate stuck to the tip", "none": "without friction"}
+    how = contact.get(str(load.friction), f"with a friction coefficient of {load.friction}")
+    return " and ".join(parts) + (f" {how}" if load.shear and load.grip is None else "")
+
+
+def _described(title: str, state: str, data: dict[str, Any], more: str = "") -> dict[str, Any]:
+    """Return a surface with its title, and with what the figure shows."""
+    magnet = "; the magnet is grey" if "magnet" in data["parts"] else ""
+    caption = (
+        f"The beam in {state}, at true scale, coloured by its displacement, at most {data['largest']:.3g} mm{magnet}."
+        f" Drag, or use the arrow keys, to turn it.{more}"
+    )
+    return {"title": title, "caption": caption, **data}
 
 
 def state_of(contents: Contents) -> tuple[Design, Load | None] | None:

@@ -11,7 +11,7 @@ on the axis with dv/dr in place of v/r. The stretch shown is the largest princip
 
 **Sensor in 3D**: skin of each half, cut face y = 0 and the magnet's pocket. The outline of a section is
 swept around the axis with the Fourier series of the solution, which takes milliseconds.
-`studies.web.deformed_surface`, which reads .vtu files, gives the same form.
+`studies.output.deformed_body` has the same form of a .vtu file.
 
 **Field lines** of the magnet at its pose, in the plane of the section.
 In a plane through the axis the lines of B are contours of the flux psi = r A_phi through a disc of radius r; levels
@@ -28,7 +28,6 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -41,15 +40,12 @@ from fem.solution import Field, Solution
 from geometry.arrays import Array, Ints
 from geometry.design import Design
 from geometry.loads import Magnet
+from studies.output.deformed_body import QUARTERS, SECTORS, Part, magnet_outline, outer_edges, revolved
 
 DIGITS = 4
 """Decimals of coordinates, mm."""
 CORNERS = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.5, 0.0], [0.5, 0.5], [0.0, 0.5]])
 """Nodes of a triangle in its own coordinates: corners, then the middles of the edges 01, 12 and 02."""
-FLAT = ((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5))
-"""The four flat triangles of a curved one."""
-ARC = 7
-"""Points on a quarter of the magnet's rounded edge."""
 
 
 def section(design: Design, solution: Solution, magnet: Magnet) -> dict[str, Any]:
@@ -67,7 +63,7 @@ def section(design: Design, solution: Solution, magnet: Magnet) -> dict[str, Any
         "points": np.round(moved, DIGITS),
         "rest": np.round(rest, DIGITS),
         "triangles": triangles,
-        "outline": _outer_edges(triangles, rest),
+        "outline": outer_edges(triangles, rest),
         "fields": {
             "displacement": np.round(np.linalg.norm(moved - rest, axis=1), DIGITS),
             "pressure": np.round(pressure, _decimals(pressure)),
@@ -78,14 +74,6 @@ def section(design: Design, solution: Solution, magnet: Magnet) -> dict[str, Any
         "direction": [c, s],
         "elements": element_places(design),
     }
-
-
-def _outer_edges(triangles: Ints, rest: Array) -> Ints:
-    """Return the edges (n, 2) of one triangle only, without those on the axis, where both sides meet."""
-    edges = np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
-    _, first, number = np.unique(edges @ [len(rest), 1], return_index=True, return_counts=True)
-    outer = edges[first[number == 1]]
-    return np.asarray(outer[np.abs(rest[outer, 0]).max(axis=1) > 1e-6])
 
 
 def element_places(design: Design) -> dict[str, tuple[float, float, float]]:
@@ -105,27 +93,13 @@ def _decimals(values: Array) -> int:
     return DIGITS - math.floor(math.log10(largest)) if largest else DIGITS
 
 
-def magnet_outline(design: Design, shift_x: float, shift_z: float, tilt: float) -> Array:
-    """Return the outline of the displaced magnet in the plane of the section, shape (n, 2), mm."""
-    a, b, rho = design.magnet_diameter / 2, design.magnet_height / 2, design.magnet_edge_radius
-    turn = np.linspace(0, math.pi / 2, ARC if rho else 1)
-    corners = ((1, 1, 0.0), (-1, 1, math.pi / 2), (-1, -1, math.pi), (1, -1, 3 * math.pi / 2))
-    arcs = [
-        np.stack([i * (a - rho) + rho * np.cos(turn + t), j * (b - rho) + rho * np.sin(turn + t)], axis=1)
-        for i, j, t in corners
-    ]
-    x, z = np.concatenate(arcs).T
-    c, s = math.cos(tilt), math.sin(tilt)
-    return np.stack([c * x + s * z + shift_x, c * z - s * x + shift_z + design.H], axis=1)
-
-
 def _sides(solution: Solution) -> tuple[Array, Array, Array, Array, Ints]:
     """Return rest, moved (n, 2), pressure, stretch (n,) and triangles (m, 3) of both sides of a section."""
     field = solution.field
     x, z = field.mesh.doflocs
     count = len(x)
     nodes = np.asarray(field.mesh.dofs.element_dofs).T
-    flat = np.concatenate([nodes[:, list(corners)] for corners in FLAT])
+    flat = np.concatenate([nodes[:, list(corners)] for corners in QUARTERS])
     angles = fourier_fields(field, np.array([0.0, math.pi]))
     rest, moved, pressure = [], [], []
     stretch: list[Array] = []
@@ -181,13 +155,8 @@ def _shape_slopes() -> Array:
     return np.stack([ElementTriP2().lbasis(CORNERS.T, k)[1].T for k in range(6)], axis=1)
 
 
-SECTORS = 24
-"""Sectors of half a turn."""
 COARSE_DIGITS = 3
 """Decimals of the coordinates of the skin, mm."""
-
-Part = tuple[Array, Array, Ints]
-"""Undeformed points (n, 3), displacements (n, 3), mm, and triangles (m, 3)."""
 
 
 def surface(solution: Solution, sectors: int = SECTORS) -> dict[str, Any]:
@@ -215,99 +184,12 @@ def surface_data(parts: dict[str, Part]) -> dict[str, Any]:
     return {"parts": data, "largest": max(float(part["value"].max()) for part in data.values())}
 
 
-def revolved(
-    points: Array,
-    nodes: Ints,
-    displacement: Callable[[Ints, Array], Array],
-    *,
-    symmetric: bool,
-    sectors: int = SECTORS,
-) -> dict[str, Part]:
-    """Return the parts of the body whose section is given: "front" (y <= 0), "back" (y >= 0), "cut" and "magnet".
-
-    Parameters
-    ----------
-    points : of the section, r and z, shape (2, n), mm.
-    nodes : of its triangles, corners and then the middles of the edges 01, 12 and 02, shape (m, 6).
-    displacement : returns those of nodes (k,) at angles (t,), shape (t k, 3), mm.
-    symmetric : whether the halves are mirror images.
-    """
-    skin, pocket = _outline(points[0], nodes)
-    turn = np.linspace(0, math.pi, sectors + 1)
-
-    def halves(edges: Ints) -> tuple[Part, Part]:
-        back = _swept(points, edges, turn, displacement)
-        return back, mirrored(back) if symmetric else _swept(points, edges, turn + math.pi, displacement)
-
-    back, front = halves(skin)
-    flat = np.concatenate([nodes[:, list(corners)] for corners in FLAT])
-    x, z = points
-    sides = np.concatenate([np.stack([s * x, 0 * x, z], axis=1) for s in (1.0, -1.0)])
-    u = displacement(np.arange(len(x)), np.array([0.0, math.pi]))
-    parts = {"back": back, "front": front, "cut": (sides, u, np.concatenate([flat, flat[:, ::-1] + len(x)]))}
-    return parts | ({"magnet": joined(*halves(pocket))} if len(pocket) else {})
-
-
-def _outline(r: Array, nodes: Ints) -> tuple[Ints, Ints]:
-    """Return the straight halves (m, 2) of the outline's edges: those of the skin and those of a pocket."""
-    edges = np.concatenate([nodes[:, [0, 3, 1]], nodes[:, [1, 4, 2]], nodes[:, [2, 5, 0]]])
-    _, first, number = np.unique(edges[:, 1], return_index=True, return_counts=True)
-    outline = edges[first[number == 1]]
-    outline = outline[r[outline].max(axis=1) > 1e-9 * r.max()]
-    halves = np.concatenate([outline[:, :2], outline[:, 1:]])
-    label = connected(halves, len(r))
-    # the skin is the piece that reaches farthest from the axis
-    outer = label[halves[np.argmax(r[halves[:, 0]]), 0]]
-    of_skin = label[halves[:, 0]] == outer
-    return halves[of_skin], halves[~of_skin]
-
-
-def connected(edges: Ints, count: int) -> Ints:
-    """Return the number of the connected piece of each node, shape (count,)."""
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import connected_components
-
-    graph = coo_matrix((np.ones(len(edges)), edges.T), shape=(count, count))
-    return np.asarray(connected_components(graph, directed=False)[1])
-
-
-def _swept(points: Array, edges: Ints, turn: Array, displacement: Callable[[Ints, Array], Array]) -> Part:
-    """Return the surface of edges (m, 2) of the section swept through the angles (t,)."""
-    used, numbers = np.unique(edges, return_inverse=True)
-    pairs, n = numbers.reshape(edges.shape), len(used)
-    x, z = points[:, used]
-    c, s = np.cos(turn)[:, None], np.sin(turn)[:, None]
-    rest = np.stack([c * x, s * x, np.broadcast_to(z, (len(turn), n))], axis=2).reshape(-1, 3)
-    triangles = []
-    for k in range(len(turn) - 1):
-        a, b = pairs[:, 0] + k * n, pairs[:, 1] + k * n
-        triangles += [np.stack([a, b, b + n], axis=1), np.stack([a, b + n, a + n], axis=1)]
-    faces = np.concatenate(triangles)
-    # at the axis one of both triangles has no area
-    corners = rest[faces]
-    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-    return rest, displacement(used, turn), faces[area > 1e-12 * area.max()]
-
-
 def _displacement(field: Field, nodes: Ints, turn: Array) -> Array:
     """Return the displacements of nodes (n,) at angles (t,), shape (t n, 3), mm, in Cartesian components."""
     angles = fourier_fields(field, turn)
     u = angles.E @ field.u[nodes].T
     c, s = np.cos(turn)[:, None], np.sin(turn)[:, None]
     return np.stack([c * u[:, 0] - s * u[:, 1], s * u[:, 0] + c * u[:, 1], u[:, 2]], axis=2).reshape(-1, 3)
-
-
-def mirrored(part: Part) -> Part:
-    """Return the other half of a body that is symmetric about y = 0."""
-    rest, u, triangles = part
-    mirror = np.array([1.0, -1.0, 1.0])
-    return rest * mirror, u * mirror, triangles[:, ::-1]
-
-
-def joined(one: Part, other: Part) -> Part:
-    """Return two parts as one."""
-    first, second = (np.concatenate(pair) for pair in zip(one[:2], other[:2], strict=True))
-    return first, second, np.concatenate([one[2], other[2] + len(one[0])])
 
 
 LINES = 16

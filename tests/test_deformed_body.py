@@ -5,10 +5,11 @@ import pytest
 
 from fem import equilibrium
 from fem.accuracy import QUICK
+from fem.results import revolved_body
 from geometry.design import paper
 from geometry.loads import Load
-from studies.output import vtk_files
-from studies.web import deformed_surface
+from studies.output import deformed_body, vtk_files
+from studies.web import report_sections
 
 MIRROR = np.array([1.0, -1.0, 1.0])
 COARSE = dataclasses.replace(QUICK, section_size=0.25)
@@ -21,6 +22,11 @@ def solutions():
     return {"axisymmetric": press, "harmonic": shear}
 
 
+def grid_of(solution):
+    """The grid of the file of a solution."""
+    return vtk_files.body_grid(revolved_body.place(solution))
+
+
 def area(part):
     """Area of a surface, of the undeformed points."""
     rest, _, triangles = part
@@ -31,7 +37,7 @@ def area(part):
 @pytest.mark.parametrize("model", ["axisymmetric", "harmonic"])
 def test_parts_have_the_size_of_the_sensor(solutions, model):
     d = paper()
-    parts = deformed_surface.parts_of(vtk_files.field_grid(solutions[model]))
+    parts = deformed_body.parts_of(grid_of(solutions[model]))
     assert set(parts) == {"back", "front", "cut", "magnet"}
     skin = np.concatenate([parts["back"][0], parts["front"][0]])
     assert np.ptp(skin, axis=0) == pytest.approx([d.D, d.D, d.L], rel=0.01)
@@ -44,7 +50,7 @@ def test_parts_have_the_size_of_the_sensor(solutions, model):
 
 def test_magnet_moves_as_a_rigid_body(solutions):
     solution = solutions["harmonic"]
-    rest, u, _ = deformed_surface.parts_of(vtk_files.field_grid(solution))["magnet"]
+    rest, u, _ = deformed_body.parts_of(grid_of(solution))["magnet"]
     centre = u.mean(axis=0)
     assert centre[0] == pytest.approx(solution.response.shift[0], abs=0.02)
     assert centre[2] == pytest.approx(solution.response.shift[2], abs=0.02)
@@ -57,7 +63,7 @@ def test_magnet_moves_as_a_rigid_body(solutions):
 
 def test_file_gives_the_same_as_the_solution(solutions, tmp_path):
     vtk_files.write_field(tmp_path / "press.vtu", solutions["axisymmetric"])
-    surface = deformed_surface.from_file(tmp_path / "press.vtu")
+    surface = report_sections.surface_of_file(tmp_path / "press.vtu")
     assert surface["largest"] == pytest.approx(1.0, rel=0.05)
     assert set(surface["parts"]["cut"]) == {"points", "value", "triangles"}
     assert max(surface["parts"]["cut"]["triangles"]) < len(surface["parts"]["cut"]["value"])
@@ -65,13 +71,13 @@ def test_file_gives_the_same_as_the_solution(solutions, tmp_path):
 
 def test_mesh_without_displacements_has_no_surface(solutions, tmp_path):
     vtk_files.write_mesh(tmp_path / "mesh.vtu", solutions["axisymmetric"].field.mesh)
-    assert deformed_surface.from_file(tmp_path / "mesh.vtu") is None
+    assert report_sections.surface_of_file(tmp_path / "mesh.vtu") is None
 
 
 def test_other_file_is_refused_without_a_word_of_vtk(tmp_path, refused, capfd):
     (tmp_path / "bad.vtu").write_text("no")
     with refused("no .vtu file"):
-        deformed_surface.from_file(tmp_path / "bad.vtu")
+        report_sections.surface_of_file(tmp_path / "bad.vtu")
     assert capfd.readouterr() == ("", "")
 
 
@@ -79,13 +85,13 @@ def test_whole_body_is_cut_open(solutions):
     """The file of a full solution holds both halves; cut open, it gives the parts of the half body."""
     import pyvista as pv
 
-    grid = vtk_files.field_grid(solutions["harmonic"])
-    half = deformed_surface.parts_of(grid)
+    grid = grid_of(solutions["harmonic"])
+    half = deformed_body.parts_of(grid)
     other = grid.copy()
     other.points = grid.points * MIRROR
     other.point_data["displacement_mm"] = grid.point_data["displacement_mm"] * MIRROR
     whole = pv.merge([grid, other], merge_points=True)
-    parts = deformed_surface.parts_of(pv.UnstructuredGrid(whole))
+    parts = deformed_body.parts_of(pv.UnstructuredGrid(whole))
     assert set(parts) == set(half)
     for name in ("back", "front", "cut", "magnet"):
         assert area(parts[name]) == pytest.approx(area(half[name]), rel=0.02)
