@@ -11,6 +11,7 @@ from geometry.loads import Load
 from studies.output import deformed_body, vtk_files
 from studies.web import report_sections
 
+ROTATION = np.array([[0.6, -0.8, 0.0], [0.8, 0.6, 0.0], [0.0, 0.0, 1.0]])
 MIRROR = np.array([1.0, -1.0, 1.0])
 COARSE = dataclasses.replace(QUICK, section_size=0.25)
 
@@ -95,3 +96,14 @@ def test_whole_body_is_cut_open(solutions):
     assert set(parts) == set(half)
     for name in ("back", "front", "cut", "magnet"):
         assert area(parts[name]) == pytest.approx(area(half[name]), rel=0.02)
+    # nodes may lie beside the plane by an error of rounding
+    beside = whole.copy()
+    for turn in (ROTATION, ROTATION.T):
+        beside.points = beside.points @ turn.T
+        beside.point_data["displacement_mm"] = beside.point_data["displacement_mm"] @ turn.T
+    sections = [deformed_body.parts_of(pv.UnstructuredGrid(each))["cut"] for each in (whole, beside)]
+    lengths = []
+    for rest, _, triangles in (half["cut"], *sections):
+        ends = rest[deformed_body.outer_edges(triangles, rest[:, [0, 2]])]
+        lengths.append(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).sum())
+    assert lengths == pytest.approx([lengths[0]] * 3, rel=1e-3)

@@ -35,7 +35,9 @@ def parts_of(grid: Any) -> dict[str, Part]:
     moved, u = np.asarray(grid.points, dtype=float), np.asarray(grid.point_data["displacement_mm"], dtype=float)
     rest = moved - u
     size = float(np.ptp(rest, axis=0).max())
-    if np.abs(rest[:, 1]).max() < FLAT * size:
+    # a node beside the plane by an error of rounding would leave slivers of cells, which no neighbour shares
+    rest[np.abs(rest[:, 1]) < FLAT * size, 1] = 0.0
+    if not rest[:, 1].any():
 
         def displacement(few: Ints, turn: Array) -> Array:
             c, s = np.cos(turn)[:, None], np.sin(turn)[:, None]
@@ -43,7 +45,7 @@ def parts_of(grid: Any) -> dict[str, Part]:
 
         nodes = np.asarray(grid.cells_dict[pv.CellType.QUADRATIC_TRIANGLE])
         return revolved(rest[:, [0, 2]].T, nodes, displacement, symmetric=True)
-    is_back, is_front = rest[:, 1].min() > -FLAT * size, rest[:, 1].max() < FLAT * size
+    is_back, is_front = rest[:, 1].min() >= 0, rest[:, 1].max() <= 0
     if is_back or is_front:
         half = _half(_surface(grid), size)
         other = {name: mirrored(part) for name, part in half.items()}
