@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from fem.accuracy import STANDARD, Accuracy
-from fem.solution import Solution
+from fem.equilibrium import trace
 from geometry.design import Design, paper
-from geometry.loads import ANSWERED
+from geometry.loads import ANSWERED, Load
 from geometry.messages import Progress
 from studies.fabrication import sensor_parts
-from studies.mechanics.path_solver import LoadOutcome
 from studies.output import atomic_files, page_templates, result, vtk_files
 from studies.output.provenance import made, versions
 from studies.output.records import FlatRow
 from studies.simulation import compare, comparison_rows, design_summary
-from studies.simulation.compare import Comparison, part
+from studies.simulation.compare import Loads, part
 
 PACKAGES = ("build123d", "trimesh", "pyvista", "pandas", "altair")
 """Packages whose versions the report names, besides those of the finite elements: solids, meshes, tables, plots."""
@@ -34,8 +33,7 @@ def run(
     folder: Path,
     *,
     accuracy: Accuracy = STANDARD,
-    depths: Sequence[float] | None = None,
-    shears: Sequence[float] | None = None,
+    loads: Loads | None = None,
     command: str = "",
     progress: Progress | None = None,
 ) -> dict[str, Any]:
@@ -44,7 +42,7 @@ def run(
     Parameters
     ----------
     folder : an existing folder.
-    accuracy, depths, shears : as in `compare.run`.
+    accuracy, loads : as in `compare.run`.
     command : command line that the report repeats.
     progress : called with the fraction of the work that is done and the name of the current step.
 
@@ -55,22 +53,24 @@ def run(
     design, show, origin = paper(), progress or _silent, made(command, versions(PACKAGES))
     cad = sensor_parts.build(design, folder / "cad", _part(show, 0.0, 0.15, "CAD"), command=command or "magtip cad")
     mesh = design_summary.build_mesh(design, folder / "mesh.vtu", None, _part(show, 0.15, 0.22, "mesh"))
-    comparison = compare.run(design, accuracy=accuracy, progress=part(show, 0.22, 0.93), depths=depths, shears=shears)
-    show(0.93, "tables and plots")
-    result.write(dataclasses.replace(compare.result_of(design, comparison), design=None), folder, command)
-    for name, states in (("press", comparison.pressed), ("shear", comparison.sheared)):
-        show(0.95, f"picture: {name}")
-        _write_last(folder, name, design, states)
-    atomic_files.write_text(folder / "REPORT.md", document(design, comparison, cad, mesh, origin) + "\n")
+    loads = loads or compare.default_loads(design)
+    compared = compare.run(design, loads, accuracy=accuracy, progress=part(show, 0.22, 0.9))
+    show(0.9, "tables and plots")
+    result.write(dataclasses.replace(compared, design=None), folder, command)
+    for name, path in zip(("press", "shear"), loads, strict=True):
+        show(0.93, f"picture: {name}")
+        states = [row["status"] for row in compared.tables[name]]
+        _write_last(
+            folder, name, design, accuracy, [load for load, s in zip(path, states, strict=True) if s in ANSWERED]
+        )
+    atomic_files.write_text(folder / "REPORT.md", document(design, compared.records[0], cad, mesh, origin) + "\n")
     show(1.0, "done")
-    outcomes = [(cad["status"], cad["message"]), (mesh["status"], mesh["message"])]
-    outcomes += [(row["status"], row["message"]) for row in comparison.press]
-    outcomes += [(row["status"], row["message"]) for row in comparison.shear]
-    status, message = next((outcome for outcome in outcomes if outcome[0] not in ANSWERED), ("ok", ""))
+    steps = [cad, mesh, *compared.tables["press"], *compared.tables["shear"]]
+    failed = next((step for step in steps if step["status"] not in ANSWERED), None)
     return {
-        "status": status,
-        "message": message,
-        "summary": comparison.summary,
+        "status": failed["status"] if failed else "ok",
+        "message": failed["message"] if failed else "",
+        "summary": compared.records[0]["summary"],
         "parts": cad["parts"],
         "checks": cad["checks"],
         "mesh": mesh,
@@ -85,20 +85,18 @@ def _part(show: Progress, low: float, high: float, name: str) -> Progress:
     return part(show, low, high, name) or _silent
 
 
-def _write_last(folder: Path, name: str, design: Design, states: Sequence[LoadOutcome]) -> None:
+def _write_last(folder: Path, name: str, design: Design, accuracy: Accuracy, reached: Sequence[Load]) -> None:
     from studies.output.solution_pictures import section_picture
 
-    reached: list[Solution] = [state.solution for state in states if state.solution is not None]
     if reached:
-        vtk_files.write_field(folder / f"{name}.vtu", reached[-1])
-        section_picture(folder / f"{name}_section.png", design, reached[-1])
+        last = trace(design, reached[-1:], accuracy, estimate=False)[-1]
+        vtk_files.write_field(folder / f"{name}.vtu", last)
+        section_picture(folder / f"{name}_section.png", design, last)
 
 
-def document(design: Design, comparison: Comparison, cad: FlatRow, mesh: FlatRow, origin: str) -> str:
+def document(design: Design, comparison: Mapping[str, Any], cad: FlatRow, mesh: FlatRow, origin: str) -> str:
     """Return the text of REPORT.md: findings, small tables, assumptions, parts and mesh, files, origin."""
-    press, shear = (
-        [row for row in rows if row["status"] in ANSWERED] for rows in (comparison.press, comparison.shear)
-    )
+    press, shear = ([row for row in comparison[name] if row["status"] in ANSWERED] for name in ("press", "shear"))
     unused, assumed = design.unused_fields(), []
     for spec in sorted(dataclasses.fields(design), key=lambda spec: spec.name in unused):
         if design_summary.origin(spec.name, design) == "assumed":
@@ -106,7 +104,7 @@ def document(design: Design, comparison: Comparison, cad: FlatRow, mesh: FlatRow
             remark = f"; no effect here: {unused[spec.name]}" if spec.name in unused else ""
             value = design_summary.shown(getattr(design, spec.name))
             assumed.append((spec.name, f"{value}{unit}", f"{spec.metadata['text']}{remark}"))
-    findings = {name: comparison_rows.sentences(name, comparison.summary) for name in ("press", "shear", "trust")}
+    findings = {name: comparison_rows.sentences(name, comparison["summary"]) for name in ("press", "shear", "trust")}
     page = {"design": design, "assumed": assumed, "cad": cad, "mesh": mesh, "origin": origin}
     page |= {"findings": findings, "press": press[1::2] if len(press) > 6 else press, "shear": shear}
     return page_templates.rendered(Path(compare.__file__).with_name("templates") / "demo.md.j2", **page)

@@ -58,7 +58,7 @@ def pytest_collection_finish():
 
 @pytest.fixture(scope="session", autouse=True)
 def own_cache(tmp_path_factory):
-    """The user's cache of meshes is neither read nor filled by tests; children inherit this.
+    """The user's meshes and solved states are neither read nor filled by tests; children inherit this.
 
     The processes of one run share a cache.
     """
@@ -66,6 +66,7 @@ def own_cache(tmp_path_factory):
     run = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("MAGTIP_CACHE", str(run / "meshes"))
+        patch.setenv("MAGTIP_STORE", str(base / "solved.sqlite"))
         yield
 
 

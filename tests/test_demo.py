@@ -9,6 +9,7 @@ import pytest
 
 from fem.accuracy import QUICK
 from geometry.design import Design
+from geometry.loads import Load
 from studies import demo
 from studies.cli import entry_point
 from studies.fabrication import assembly_picture
@@ -19,7 +20,9 @@ def made(tmp_path_factory):
     """The folder of a demo, and the text of its report."""
     folder = tmp_path_factory.mktemp("demo")
     with pytest.MonkeyPatch.context() as patch:
-        few = {"accuracy": QUICK, "depths": (0.5, 1.0), "shears": (0.0, 1.0)}
+        press = [Load(depth=depth) for depth in (0.5, 1.0)]
+        shear = [Load(depth=1.0, shear_x=shear, friction="stick") for shear in (0.0, 1.0)]
+        few = {"accuracy": QUICK, "loads": (press, shear)}
         patch.setattr(demo, "run", functools.partial(demo.run, **few))
         patch.setattr(assembly_picture, "painter", contextlib.nullcontext)
         assert entry_point.main(["demo", "--out", str(folder)]) == 0

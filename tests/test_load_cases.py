@@ -1,6 +1,5 @@
 """The verbs solve and analytic: states, forces, tolerances, files, and what is refused."""
 
-import functools
 import json
 import math
 import re
@@ -330,7 +329,8 @@ def test_an_estimate_beyond_the_tolerance_is_solved_again_finer(monkeypatch, run
 
 
 def test_compare_takes_a_tolerance(run, monkeypatch):
-    monkeypatch.setattr(compare, "run", functools.partial(compare.run, depths=(0.5, 1.0), shears=(0.0, 0.5)))
+    loads = [Load(0.5), Load(1.0)], [Load(1.0), Load(1.0, 0.5, friction="stick")]
+    monkeypatch.setattr(compare, "default_loads", lambda _: loads)
     status, out, err = run("compare", "paper", "--tolerance", "5%", "--json")
     record = json.loads(out)
     assert (status, record["tolerance"], record["chosen_model"][-6:]) == (0, 0.05, " quick")

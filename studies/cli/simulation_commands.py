@@ -196,11 +196,9 @@ def compare(
         within_tolerance.check_alone({"--accuracy": accuracy})
         chosen = within_tolerance.choose_accuracy(design, study.default_loads(design), tolerance)
         within_tolerance.say(chosen)
-    options: dict[str, Any] = {"frequency": frequency, "speed": speed}
-    options["accuracy"] = LEVELS[chosen.level_or_accuracy if chosen else accuracy or "standard"]
-    return publish(
-        lambda progress: study.result_of(design, study.run(design, progress=progress, **options), chosen), here
-    )
+    level = LEVELS[chosen.level_or_accuracy if chosen else accuracy or "standard"]
+    options: dict[str, Any] = {"frequency": frequency, "speed": speed, "chosen": chosen, "accuracy": level}
+    return publish(lambda progress: study.run(design, progress=progress, **options), here)
 
 
 @verb("source sets wide as_json", out="Folder for response.csv, ladder.csv and the Bode plots.")

@@ -19,133 +19,138 @@ G_E the modulus that the design's E is, long-term or instantaneous. Inertia is n
 
 from __future__ import annotations
 
-import dataclasses
+import contextlib
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from analytic import beam, hall
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
-from geometry.loads import ANSWERED, Load, Response
+from geometry.loads import ANSWERED, Load, rotation_of
 from geometry.relaxation import range_remedy, range_sentence, relaxation_of
 from studies.output import page_templates
-from studies.output.records import FlatRow
 from studies.sensing.field_readings import columns
+from studies.sweeps.study_rows import percents
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 TEMPLATE = Path(__file__).with_name("templates") / "compare.j2"
 NAN = math.nan
 Figures = dict[str, Any]
 """Figures of a comparison under their names in JSON, which carry those of the Hall elements."""
-Error = tuple[float, float]
-"""A depth or a shear, mm, and the error there, %."""
 Kind = Literal["press", "shear"]
-Poses = Mapping[str, Response | None]
-"""Poses of the magnet by the prefixes fem, fem_homogeneous and analytic; None where one has no solution."""
-
-QUANTITIES: dict[Kind, dict[str, tuple[str, Callable[[Response], float]]]] = {
-    "press": {
-        "force_N": ("force", lambda pose: pose.force[2]),
-        "shift_z_mm": ("shift", lambda pose: pose.shift[2]),
-        "contact_radius_mm": ("contact_radius", lambda pose: pose.contact_radius),
-    },
+QUANTITIES: dict[Kind, dict[str, str]] = {
+    "press": {"force_N": "force", "shift_z_mm": "shift", "contact_radius_mm": "contact_radius"},
     "shear": {
-        "force_x_N": ("force_x", lambda pose: pose.force[0]),
-        "force_z_N": ("force_z", lambda pose: pose.force[2]),
-        "shift_x_mm": ("shift_x", lambda pose: pose.shift[0]),
-        "shift_z_mm": ("", lambda pose: pose.shift[2]),
-        "tilt_rad": ("", lambda pose: pose.tilt),
+        "force_x_N": "force_x",
+        "force_z_N": "force_z",
+        "shift_x_mm": "shift_x",
+        "shift_z_mm": "",
+        "tilt_rad": "",
     },
 }
-"""Column of each quantity behind the model's prefix, the name of its errors ("" for none), and its value."""
-ALONG = {"press": ("depth_mm", "fem_force_N"), "shear": ("shear_mm", "fem_force_x_N")}
-"""Columns of the travel, and of the force along it."""
+"""Columns of quantities behind the model's prefix, and the names of their errors, "" for none."""
 
 
-def row(kind: Kind, design: Design, load: Load, poses: Poses) -> FlatRow:
-    """Return the columns of a state by all mechanics; `with_reading_errors` fills those of the readings' errors."""
-    found: FlatRow = {} if kind == "press" else {"shear_mm": load.shear_x}
-    found["depth_mm"] = load.depth
-    for column, (error, value) in QUANTITIES[kind].items():
-        by_model = {model: NAN if pose is None else value(pose) + 0.0 for model, pose in poses.items()}
-        found |= {f"{model}_{column}": number for model, number in by_model.items()}
+def table(kind: Kind, design: Design, answers: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
+    """Return the rows of a press or a shear from the answers of the mechanics, by the prefixes of their columns.
+
+    `with_reading_errors` fills the errors of the readings. The error estimates are relative errors of the force as a
+    vector, and in a shear of its part along it.
+    """
+    import pandas as pd
+
+    fem, bare, formula = (answers[name] for name in ("fem", "fem_homogeneous", "analytic"))
+    found = {name: fem[name] for name in ("shear_mm", "depth_mm")[kind == "press" :]}
+    for column, error in QUANTITIES[kind].items():
+        values = {name: frame[column.replace("force_z", "force")] for name, frame in answers.items()}
+        found |= {f"{name}_{column}": value for name, value in values.items()}
         # without a shear, what there is along x is the solver's rounding
-        judged = bool(load.shear_x) or not error.endswith("_x")
-        for bare, model in (("", "fem"), ("homogeneous_", "fem_homogeneous")) if error else ():
-            percentage = percent(by_model["analytic"], by_model[model]) if judged else NAN
-            found[f"{bare}{error}_error_percent"] = percentage
-    return found | _reading_columns(kind, design, poses)
+        judged = fem["shear_mm"] != 0 if error.endswith("_x") else True
+        for prefix, truth in (("", "fem"), ("homogeneous_", "fem_homogeneous")) if error else ():
+            percentage = percents(values["analytic"].to_numpy(), values[truth].to_numpy())
+            found[f"{prefix}{error}_error_percent"] = np.where(judged, percentage, NAN)
+    found |= _reading_columns(kind, design, fem, formula)
+    for column in ("error_estimate", "sideways_error_estimate")[: 1 + (kind == "shear")]:
+        found |= {column: fem[column], f"homogeneous_{column}": bare[column]}
+    verdicts = [_verdict(*states) for states in zip(*(_states(answers[name]) for name in answers), strict=True)]
+    found["status"], found["message"] = zip(*verdicts, strict=True)
+    return pd.DataFrame(found)
 
 
-def _reading_columns(kind: Kind, design: Design, poses: Poses) -> FlatRow:
+def _states(answers: pd.DataFrame) -> list[tuple[str, str]]:
+    return list(zip(answers["status"], answers["message"], strict=True))
+
+
+def _verdict(fem: tuple[str, str], bare: tuple[str, str], formula: tuple[str, str]) -> tuple[str, str]:
+    worst = min((fem[0], bare[0]), key=lambda status: (status in ANSWERED, status == "ok"))
+    return worst, "; ".join(filter(None, dict.fromkeys((fem[1], bare[1], formula[1]))))
+
+
+def _reading_columns(kind: Kind, design: Design, fem: pd.DataFrame, formula: pd.DataFrame) -> dict[str, Any]:
     """Return the columns of readings: all fields, then all outputs, then all errors, which are not known yet."""
     names, unit = columns(design)
-    models = {"fem": poses["fem"], "analytic": poses["analytic"]}
+    poses = {"fem": fem, "untilted": fem.assign(tilt_rad=0.0, tilt_y_rad=0.0), "analytic": formula}
     if kind == "press":
         names = names if len(names) > 3 else names[:2]  # the third reads what the second does
-    else:
-        upright = None if poses["fem"] is None else dataclasses.replace(poses["fem"], tilt=0.0)
-        models = {"fem": poses["fem"], "untilted": upright, "analytic": poses["analytic"]}
-    seen = {model: readings(design, pose) for model, pose in models.items()}
-    each = [(name, k, model) for k, name in enumerate(names) for model in models]
+        del poses["untilted"]
+    seen = {name: readings(design, frame) for name, frame in poses.items()}
+    each = [(element, k, name) for k, element in enumerate(names) for name in poses]
     return {
-        **{f"{model}_{name}_mT": seen[model][k][0] for name, k, model in each},
-        **{f"{model}_{name}_{unit}": seen[model][k][1] for name, k, model in each},
-        **{f"{model}_{name}_error_percent_FS": NAN for name, k, model in each if model != "fem"},
+        **{f"{name}_{element}_mT": seen[name][:, k, 0] for element, k, name in each},
+        **{f"{name}_{element}_{unit}": seen[name][:, k, 1] for element, k, name in each},
+        **{f"{name}_{element}_error_percent_FS": NAN for element, k, name in each if name != "fem"},
     }
 
 
-def percent(model: float, truth: float) -> float:
-    """Return the relative error in %; NaN if the reference is 0 or unknown.
-
-    >>> percent(1.5, 1.0), percent(1.0, 0.0)
-    (50.0, nan)
-    """
-    return 100 * (model / truth - 1) if truth else NAN
-
-
-def readings(design: Design, pose: Response | None) -> list[tuple[float, float]]:
-    """Return field, mT, and output, V, or mT for a chip, of the elements at a pose.
+def readings(design: Design, poses: pd.DataFrame) -> Array:
+    """Return field, mT, and output, V, or mT for a chip, of the elements at poses, shape (n, elements, 2).
 
     NaN without a pose, a magnet or a finite field.
     """
-    unknown = [(NAN, NAN)] * design.element_count
-    if pose is None or not design.shape.has_magnet:
-        return unknown
-    try:
-        seen = hall.readings(design, pose)
-    except BadInput:
-        return unknown
-    sizes = [1.0 if unit == "V" else 1e3 for unit in seen.units]
-    return [(1e3 * b, size * output) for b, output, size in zip(seen.B_T, seen.output, sizes, strict=True)]
+    found = np.full((len(poses), design.element_count, 2), NAN)
+    shifts, tilts = poses[["shift_x_mm", "shift_y_mm", "shift_z_mm"]], poses[["tilt_rad", "tilt_y_rad"]]
+    for k, (shift, (tilt, tilt_y)) in enumerate(zip(shifts.to_numpy(), tilts.to_numpy(), strict=True)):
+        if np.isnan(shift).any() or not design.shape.has_magnet:
+            continue
+        with contextlib.suppress(BadInput):
+            seen = hall.readings(design, shift=tuple(shift.tolist()), tilt=rotation_of(tilt, tilt_y))
+            sizes = [1.0 if unit == "V" else 1e3 for unit in seen.units]
+            found[k] = np.transpose([1e3 * np.array(seen.B_T), np.array(sizes) * np.array(seen.output)])
+    return found
 
 
-def at_rest(design: Design) -> list[tuple[float, float]]:
-    """Return the readings without a load."""
-    return readings(design, Response((0.0,) * 3, (0.0,) * 3, 0.0, 0.0))
+def at_rest(design: Design) -> Array:
+    """Return field and output of the elements without a load, shape (elements, 2)."""
+    import pandas as pd
+
+    names = ("shift_x_mm", "shift_y_mm", "shift_z_mm", "tilt_rad", "tilt_y_rad")
+    return np.asarray(readings(design, pd.DataFrame([dict.fromkeys(names, 0.0)]))[0])
 
 
-def with_reading_errors(design: Design, rows: Sequence[FlatRow]) -> list[FlatRow]:
-    """Return all rows of press and shear with the errors of their readings in % of full scale."""
+def with_reading_errors(design: Design, press: pd.DataFrame, shear: pd.DataFrame) -> tuple[pd.DataFrame, ...]:
+    """Return press and shear with the errors of their readings in % of full scale."""
     names, rest, largest = columns(design)[0], at_rest(design), [0.0, 0.0]
     for k, (name, (at, _)) in enumerate(zip(names, rest, strict=True)):
-        changes = [abs(row[f"fem_{name}_mT"] - at) for row in rows if f"fem_{name}_mT" in row]
+        seen = [part[f"fem_{name}_mT"] for part in (press, shear) if f"fem_{name}_mT" in part]
+        changes = [float((values - at).abs().max()) for values in seen]
         # the elements along z, and all others
         largest[k % 3 > 0] = max(largest[k % 3 > 0], *(c for c in changes if not math.isnan(c)), 0.0)
     scales = {name: largest[k % 3 > 0] or NAN for k, name in enumerate(names)}
-
-    def errors(row: FlatRow) -> FlatRow:
-        return {
-            f"{model}_{name}_error_percent_FS": 100 * (row[f"{model}_{name}_mT"] - row[f"fem_{name}_mT"]) / scale
+    return tuple(
+        part.assign(**{
+            f"{model}_{name}_error_percent_FS": 100 * (part[f"{model}_{name}_mT"] - part[f"fem_{name}_mT"]) / scale
             for name, scale in scales.items()
             for model in ("untilted", "analytic")
-            if f"{model}_{name}_mT" in row
-        }
-
-    return [row | errors(row) for row in rows]
+            if f"{model}_{name}_mT" in part
+        })
+        for part in (press, shear)
+    )  # fmt: skip
 
 
 def check_rate(design: Design, travel: float, frequency: float | None, speed: float | None) -> None:
@@ -189,28 +194,22 @@ def factors(design: Design, travel: Array, force: Array, frequency: float | None
     return ratio
 
 
-def with_rate(
-    design: Design, kind: Kind, rows: Sequence[FlatRow], frequency: float | None, speed: float | None
-) -> list[FlatRow]:
+def with_rate(design: Design, table: pd.DataFrame, frequency: float | None, speed: float | None) -> pd.DataFrame:
     """Return the rows with the finite elements' force at a rate, N, and its change, %; without a rate the rows."""
     if frequency is None and speed is None:
-        return list(rows)
-    way, column = ALONG[kind]
-    travel, force = (np.array([float(str(row[name])) for row in rows]) for name in (way, column))
-    ratio = factors(design, travel, force, frequency, speed)
-    name = column.replace("_N", "")
-    return [
-        row | {f"{name}_at_rate_N": float(f * r), f"{name}_at_rate_change_percent": float(100 * (r - 1))}
-        for row, f, r in zip(rows, force, ratio, strict=True)
-    ]
+        return table
+    way, name = ("shear_mm", "fem_force_x") if "shear_mm" in table else ("depth_mm", "fem_force")
+    force = table[f"{name}_N"].to_numpy()
+    ratio = factors(design, table[way].to_numpy(), force, frequency, speed)
+    return table.assign(**{f"{name}_at_rate_N": force * ratio, f"{name}_at_rate_change_percent": 100 * (ratio - 1)})
 
 
-def rate_sentence(design: Design, rows: Sequence[FlatRow], frequency: float | None, speed: float | None) -> str:
+def rate_sentence(design: Design, press: pd.DataFrame, frequency: float | None, speed: float | None) -> str:
     """Return what the rate does to the force of the deepest press that was solved, in a sentence."""
-    solved = [row for row in rows if row["fem_force_at_rate_N"] == row["fem_force_at_rate_N"]]
-    if not solved:
+    solved = press.dropna(subset="fem_force_at_rate_N")
+    if not len(solved):
         return "no press was solved, so the force at this rate is not known"
-    last = solved[-1]
+    last = solved.iloc[-1]
     (text,) = page_templates.sentences(
         TEMPLATE,
         "rate",
@@ -228,16 +227,16 @@ def rate_sentence(design: Design, rows: Sequence[FlatRow], frequency: float | No
 # Findings: figures from the tables, and sentences made from the figures
 
 
-def findings(design: Design, press: Sequence[FlatRow], shear: Sequence[FlatRow]) -> Figures:
-    """Return the figures of the rows of `compare.run`, NaN or empty without rows, and the sentences from them.
+def findings(design: Design, press: pd.DataFrame, shear: pd.DataFrame) -> Figures:
+    """Return the figures of both tables, NaN or empty without rows, and the sentences from them.
 
     Spans are pairs (first, last) of neighbouring depths of the table, mm. A "worst" figure is the one of largest
     magnitude, beside the depth or shear where it occurs.
     """
     names, unit = columns(design)
-    figures: Figures = {"depths_mm": [row["depth_mm"] for row in press], "elements": names, "output": unit}
+    figures: Figures = {"depths_mm": press["depth_mm"].tolist(), "elements": names, "output": unit}
     for beam_name, prefix in (("homogeneous", "homogeneous_"), ("rigid", "")):
-        errors = [(row["depth_mm"], row[f"{prefix}force_error_percent"]) for row in press]
+        errors = list(zip(press["depth_mm"].tolist(), press[f"{prefix}force_error_percent"].tolist(), strict=True))
         for bound in (5, 10):
             figures[f"{beam_name}_within_{bound}_percent_mm"] = spans(errors, bound)
         figures |= _worst(press, "depth_mm", f"{prefix}force_error_percent")
@@ -246,16 +245,16 @@ def findings(design: Design, press: Sequence[FlatRow], shear: Sequence[FlatRow])
     figures |= _output_against_force(design, press, f"{names[0]}_{unit}")
     figures |= _secant(design, figures["depths_mm"])
     figures |= _shear_figures(design, shear, names)
-    for label, rows in (("press", press), ("shear", shear)):
-        figures[f"{label}_error_estimate_percent"] = _largest_percent(rows, "error_estimate")
+    for label, part in (("press", press), ("shear", shear)):
+        figures[f"{label}_error_estimate_percent"] = _largest_percent(part, "error_estimate")
     figures["shear_force_x_error_estimate_percent"] = _largest_percent(shear, "sideways_error_estimate")
-    figures["missing_states"] = sum(row["status"] not in ANSWERED for row in (*press, *shear))
+    figures["missing_states"] = sum(int((~part["status"].isin(ANSWERED)).sum()) for part in (press, shear))
     figures["warnings"] = design.warnings()
     figures["sentences"] = [text for part in ("press", "shear", "trust") for text in sentences(part, figures)]
     return figures
 
 
-def spans(errors: Sequence[Error], bound: float) -> list[tuple[float, float]]:
+def spans(errors: Sequence[tuple[float, float]], bound: float) -> list[tuple[float, float]]:
     """Return the runs of neighbouring places at which an error stays within a bound, in %.
 
     >>> spans([(1.0, -9.0), (2.0, 4.0), (3.0, 1.0)], 5)
@@ -271,24 +270,22 @@ def spans(errors: Sequence[Error], bound: float) -> list[tuple[float, float]]:
     return runs
 
 
-def _largest_percent(rows: Sequence[FlatRow], column: str) -> float:
-    estimates = [row[f"{beam}{column}"] for row in rows for beam in ("", "homogeneous_")]
-    return 100 * max(filter(math.isfinite, estimates), default=NAN)
+def _largest_percent(table: pd.DataFrame, column: str) -> float:
+    return 100 * float(table[[column, f"homogeneous_{column}"]].max(axis=None))
 
 
-def _worst(rows: Sequence[FlatRow], place: str, column: str, prefix: str = "") -> dict[str, float]:
-    finite = [(row[place], row[column]) for row in rows if math.isfinite(row[column])]
-    at, error = max(finite, key=lambda pair: abs(pair[1]), default=(NAN, NAN))
+def _worst(table: pd.DataFrame, place: str, column: str, prefix: str = "") -> dict[str, float]:
+    known, at, error = table[column].dropna().abs(), NAN, NAN
+    if len(known):
+        at, error = table.loc[known.idxmax(), [place, column]].tolist()
     return {f"worst_{prefix}{column}": error, f"worst_{prefix}{column}_at_mm": at}
 
 
-def _output_against_force(design: Design, press: Sequence[FlatRow], output: str) -> dict[str, float]:
+def _output_against_force(design: Design, press: pd.DataFrame, output: str) -> dict[str, float]:
     """Repeat the paper's test: errors of the output of S1 at equal force, in % of its largest change in the FEM."""
-    needed = ("fem_force_N", f"fem_{output}", "analytic_force_N", f"analytic_{output}")
-    points = [tuple(row[name] for name in needed) for row in press]
-    finite = [point for point in points if all(map(math.isfinite, point))]
-    _, rest = at_rest(design)[0]
-    force, seen, model_force, model_seen = np.array(finite).reshape(-1, 4).T
+    needed = ["fem_force_N", f"fem_{output}", "analytic_force_N", f"analytic_{output}"]
+    force, seen, model_force, model_seen = press[needed].dropna().to_numpy(float).T
+    _, rest = at_rest(design)[0].tolist()
     shared, worst, most = force <= model_force.max(initial=-np.inf), NAN, NAN
     if shared.any() and seen[-1] != rest:
         at_equal_force = np.interp(force[shared], np.append(0.0, model_force), np.append(rest, model_seen))
@@ -311,15 +308,12 @@ def _secant(design: Design, depths: Sequence[float]) -> dict[str, float]:
     }
 
 
-def _shear_figures(design: Design, shear: Sequence[FlatRow], elements: Sequence[str]) -> dict[str, float]:
-    moved = [
-        row
-        for row in shear
-        if row["shear_mm"] and math.isfinite(row["fem_force_x_N"]) and math.isfinite(row["fem_homogeneous_force_x_N"])
-    ]
-    figures = {"shear_depth_mm": shear[0]["depth_mm"] if shear else NAN}
+def _shear_figures(design: Design, shear: pd.DataFrame, elements: Sequence[str]) -> dict[str, float]:
+    moved = shear[shear["shear_mm"] != 0].dropna(subset=["fem_force_x_N", "fem_homogeneous_force_x_N"])
+    figures = {"shear_depth_mm": float(shear["depth_mm"].iloc[0]) if len(shear) else NAN}
     figures["shear_stiffness_N_per_mm"] = beam.cantilever_stiffness(design)
-    for label, row in zip(("first", "last"), (moved[0], moved[-1]) if moved else (), strict=False):
+    rows = moved.to_dict("records")
+    for label, row in zip(("first", "last"), (rows[0], rows[-1]) if rows else (), strict=False):
         way = figures[f"{label}_shear_mm"] = row["shear_mm"]
         for model in ("fem", "fem_homogeneous"):
             figures[f"{model}_{label}_stiffness_N_per_mm"] = row[f"{model}_force_x_N"] / way
