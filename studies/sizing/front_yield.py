@@ -337,17 +337,18 @@ def after_presses(
         sensor = calibration.sensor if calibration is not None else stand(variant, requirements)
     except BadInput:
         return np.full(count, np.nan)
-    span = np.array([requirements.force_x or np.nan] * 2 + [requirements.force_z])
+    span = np.array([requirements.force_x or 0.0] * 2 + [requirements.force_z])
     share, turn = np.repeat([1 / 3, 2 / 3, 1.0], 4), np.tile([0.0, 0.0, 2 * np.pi / 3, 4 * np.pi / 3], 3)
     aside = share * load.shear * np.tile([0.0, 1.0, 1.0, 1.0], 3)
     at = np.stack([share * load.depth, aside * np.cos(turn), aside * np.sin(turn)], axis=1)
     shift, _, _ = calibrated_forces.poses_of(sensor, at)
-    shift = shift[np.isfinite(shift).all(axis=1)]
-    if len(shift) < len(share) / 2:
+    # the errors of a load whose pose is unknown may be the largest
+    if not np.isfinite(shift).all():
         return np.full(count, np.nan)
     found = calibrated_forces.planned(sensor, shift) if calibration is None else calibration
     errors = calibrated_forces.force_errors(found, shift, count, np.random.default_rng(seed))
-    return np.asarray(np.nanmax(np.abs(errors).max(axis=1) / span, axis=1))
+    required = span > 0
+    return np.asarray((np.abs(errors).max(axis=1)[:, required] / span[required]).max(axis=1))
 
 
 def stand(variant: Variant, requirements: Requirements) -> Sensor:
