@@ -2,10 +2,12 @@
 
 import ast
 import re
+import sys
 import tomllib
 from pathlib import Path
 
 import pytest
+from plain_environment import needed
 
 from studies.cli import commands
 
@@ -136,9 +138,23 @@ def test_every_verb_has_a_row():
     assert verbs == set(re.findall(r"\| `magtip (\w+)[^|]*` \|$", text, flags=re.M))
 
 
-def test_one_version():
+@pytest.fixture(scope="module")
+def project():
     with (ROOT / "pyproject.toml").open("rb") as file:
-        version = tomllib.load(file)["project"]["version"]
+        return tomllib.load(file)["project"]
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="packages of other platforms differ")
+def test_no_pinned_package_is_there_that_nothing_asks_for(project):
+    """CI installs all of them, so that one whose requirement is missing would be there for the tests only."""
+    pinned = re.findall(r"^([\w.-]+)==", (ROOT / "constraints.txt").read_text("utf-8"), flags=re.M)
+    extras = [one for more in project["optional-dependencies"].values() for one in more]
+    asked = needed(project["dependencies"] + extras)
+    assert {re.sub(r"[-_.]+", "-", one).lower() for one in pinned} <= set(asked)
+
+
+def test_one_version(project):
+    version = project["version"]
     newest = re.search(r"^## \[?(\d+\.\d+\.\d+)", (ROOT / "CHANGELOG.md").read_text("utf-8"), flags=re.M)
     assert newest is not None
     assert newest[1] == version
