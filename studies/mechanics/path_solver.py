@@ -31,13 +31,10 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal
 
-from fem.accuracy import Accuracy
 from fem.physics_version import PHYSICS
-from fem.scene import Model, Scene
+from fem.scene import Scene
 from geometry.bad_input import SolveFailed
-from geometry.design import BadInput, Design
-from geometry.loads import ANSWERED, Load, Magnet, Response, check_load
-from geometry.messages import Progress
+from geometry.loads import ANSWERED, Load, Response
 from studies.mechanics import timed_quantities
 from studies.mechanics.store import Outcome, Position, State, position
 from studies.mechanics.timed_quantities import STILL, PlateMotion
@@ -235,70 +232,38 @@ def solve_task(task: Task) -> list[State]:
     if task.kind != "states":
         return [_single(task)]
     scene, D = task.scene, task.scene.design.D
-
-    def followed(loads: Sequence[Load]) -> list[LoadOutcome]:
-        return follow(scene.design, loads, scene.accuracy, scene.magnet, model=scene.model)
-
-    outcomes = dict(zip(scene.loads, followed(scene.loads), strict=True))
-    failed = [load for load, outcome in outcomes.items() if outcome.status == "not_converged"]
+    states = dict(zip(scene.loads, _followed(scene, scene.loads), strict=True))
+    failed = [load for load, state in states.items() if state.status == "not_converged"]
     # an axisymmetric press without friction starts from rest, whatever the steps before it
     if failed and (scene.model != "axisymmetric" or scene.coulomb is not None):
-        reached = [position_of(load, D) for load, outcome in outcomes.items() if outcome.status in ANSWERED]
+        reached = [state.position for state in states.values() if state.outcome == "ok"]
         between = _smaller_steps(failed[0], [*task.solved, *reached], D)
-        again = followed([*between, *failed])[len(between) :] if between else []
-        for load, outcome in zip(failed, again, strict=False):
-            if outcome.status in ANSWERED:
-                outcomes[load] = replace(outcome, message=outcome.message or "reached by smaller steps")
-    return [_state(scene, load, outcome) for load, outcome in outcomes.items()]
+        again = _followed(scene, [*between, *failed])[len(between) :] if between else []
+        for load, state in zip(failed, again, strict=False):
+            if state.outcome == "ok":
+                message = state.answer["message"] or "reached by smaller steps"
+                states[load] = replace(state, answer=state.answer | {"message": message})
+    return list(states.values())
 
 
-@dataclass(frozen=True, slots=True)
-class LoadOutcome:
-    """Outcome of one load: its solution, or None with a status and a message."""
-
-    solution: Solution | None
-    status: str
-    message: str
-
-    @property
-    def response(self) -> Response | None:
-        return None if self.solution is None else self.solution.response
-
-    def error(self, name: str = "force") -> float:
-        """Estimated relative error of the force, or of its part along the shear ("sideways"); NaN without one."""
-        estimate = getattr(self.solution.estimates, name) if self.solution else None
-        return NAN if estimate is None else estimate
-
-
-def follow(
-    design: Design,
-    loads: Sequence[Load],
-    accuracy: Accuracy,
-    magnet: Magnet,
-    progress: Progress | None = None,
-    *,
-    model: Model = "auto",
-) -> list[LoadOutcome]:
-    """Return the outcome of each load of a path; a refused load does not stop the others."""
+def _followed(scene: Scene, loads: Sequence[Load]) -> list[State]:
+    """Follow a path; the loads that it does not reach have the status and message of its end."""
     from fem import equilibrium
 
-    refused = []
-    for load in loads:
-        try:
-            check_load(design, load, magnet)
-            refused.append("")
-        except BadInput as error:
-            refused.append(str(error))
-    possible = [load for load, reason in zip(loads, refused, strict=True) if not reason]
-    states: list[Solution] = []
-    if possible:
-        try:
-            states = equilibrium.trace(design, possible, accuracy, magnet=magnet, model=model, progress=progress)
-            failed = LoadOutcome(None, states[-1].status, states[-1].message)
-        except SolveFailed as error:
-            failed = LoadOutcome(None, "not_converged", str(error))
-    reached = iter([LoadOutcome(one if one.status in ANSWERED else None, one.status, one.message) for one in states])
-    return [LoadOutcome(None, "bad_input", reason) if reason else next(reached, failed) for reason in refused]
+    try:
+        solutions = equilibrium.trace(scene.design, loads, scene.accuracy, magnet=scene.magnet, model=scene.model)
+        end = solutions[-1].status, solutions[-1].message
+    except SolveFailed as error:
+        solutions, end = [], ("not_converged", str(error))
+    reached = [one for one in solutions if one.status in ANSWERED]
+    lost = units_of(scene) | {"response": None, "error_estimate": None, "message": end[1]}
+    return [
+        *(_state(scene, load, one) for load, one in zip(loads, reached, strict=False)),
+        *(
+            State(*position_of(load, scene.design.D), "failed", end[0], lost, 0.0, _origin())
+            for load in loads[len(reached) :]
+        ),
+    ]
 
 
 def _smaller_steps(load: Load, solved: Sequence[Position], D: float) -> list[Load]:
@@ -316,22 +281,17 @@ def _origin() -> str:
     return versions()
 
 
-def _state(scene: Scene, load: Load, outcome: LoadOutcome) -> State:
-    solution, response, error = outcome.solution, outcome.response, outcome.error()
-    values: dict[str, Any] = {
-        "response": None if response is None else dataclasses.asdict(response),
-        "error_estimate": None if math.isnan(error) else error,
-        "message": outcome.message,
+def _state(scene: Scene, load: Load, solution: Solution) -> State:
+    estimates, facts = solution.estimates, solution.facts
+    answer = units_of(scene) | {
+        "response": dataclasses.asdict(solution.response),
+        "error_estimate": estimates.force,
+        "message": solution.message,
+        "estimates": {name: getattr(estimates, name) for name in ("force", "shift", "tilt", "sideways")},
+        "values": {name: getattr(facts, name) for name in ("largest_strain", "sideways_stiffness_ratio")},
     }
-    if solution is not None:
-        parts = {
-            "estimates": (solution.estimates, ("force", "shift", "tilt", "sideways")),
-            "values": (solution.facts, ("largest_strain", "sideways_stiffness_ratio")),
-        }
-        values |= {key: {name: getattr(of, name) for name in names} for key, (of, names) in parts.items()}
-    at, seconds = position_of(load, scene.design.D), 0.0 if solution is None else solution.seconds
-    result: Outcome = "failed" if response is None else "ok"
-    return State(*at, result, outcome.status, units_of(scene) | values, seconds, _origin())
+    at = position_of(load, scene.design.D)
+    return State(*at, "ok", solution.status, answer, solution.seconds, _origin())
 
 
 def units_of(scene: Scene, kind: Kind = "states") -> dict[str, Any]:

@@ -20,6 +20,9 @@ from studies.mechanics import prediction, surrogate_range
 from studies.mechanics.prediction import Beams, Quantity
 
 
+REMEDY = ": take finite elements"
+
+
 @dataclass(frozen=True, slots=True)
 class Estimate:
     """A response by the surrogate.
@@ -53,14 +56,14 @@ def respond(design: Design, load: Load, magnet: Magnet = "rigid") -> Estimate:
 def respond_all(cases: Sequence[tuple[Design, Load, Magnet]]) -> list[Estimate | str]:
     """Return the response of each case, or the sentence why there is none; the cases are possible."""
     found = [refusal_of_kind(*case) for case in cases]
-    answers: list[Estimate | str] = [f"{reason}: take finite elements" for reason in found]
+    answers: list[Estimate | str] = [f"{reason}{REMEDY}" for reason in found]
     known = [k for k, reason in enumerate(found) if not reason]
     if not known:
         return answers
     try:
         beams = beams_of([cases[k][0] for k in known])
     except BadInput as error:
-        return [f"{reason or error}: take finite elements" for reason in found]
+        return [f"{reason or error}{REMEDY}" for reason in found]
     loads = [cases[k][1] for k in known]
     D = np.array([cases[k][0].D for k in known])
     depth = np.array([load.depth for load in loads])
@@ -70,7 +73,7 @@ def respond_all(cases: Sequence[tuple[Design, Load, Magnet]]) -> list[Estimate |
     for row, (k, load) in enumerate(zip(known, loads, strict=True)):
         design = cases[k][0]
         if reason := load_refusal(beams, row, design.D, load.depth, float(shear[row])):
-            answers[k] = f"{reason}: take finite elements"
+            answers[k] = f"{reason}{REMEDY}"
         else:
             answers[k] = _estimate(sheared if load.shears_tip else press, row, design, load)
     return answers
@@ -118,14 +121,8 @@ def beams_of(designs: list[Design]) -> Beams:
 
 def refusal(design: Design, load: Load, magnet: Magnet) -> str:
     """Return why the surrogate refuses a case, "" if it takes it."""
-    reason = refusal_of_kind(design, load, magnet)
-    if reason:
-        return reason
-    try:
-        beams = beams_of([design])
-    except BadInput as error:
-        return str(error)
-    return load_refusal(beams, 0, design.D, load.depth, load.shear if load.shears_tip else 0.0)
+    (found,) = respond_all([(design, load, magnet)])
+    return found.removesuffix(REMEDY) if isinstance(found, str) else ""
 
 
 def refusal_of_kind(design: Design, load: Load, magnet: Magnet) -> str:
