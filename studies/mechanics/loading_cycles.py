@@ -28,7 +28,7 @@ from geometry.design import BadInput, Design
 from geometry.loads import ANSWERED, Load, Magnet, check_load
 from geometry.messages import Progress
 from geometry.relaxation import moduli, relaxation_of
-from studies.mechanics.cycle_motion import Motion, Phase, Stop, stops
+from studies.mechanics.cycle_motion import Motion, Stop, stops
 from studies.output.records import FlatRow
 
 STEPS = 32
@@ -53,44 +53,8 @@ dissipated (the rest was stored, or, if negative, stored before and released); g
 difference of the decoded and of the observed force from the force, percent of full scale, None without a magnet."""
 
 
-@dataclass(frozen=True, slots=True)
-class CycleState:
-    """A state with its place in the cycle, the elements' outputs (V, or T for a chip), decoded and observed force.
-
-    half_width : half of the observed force's 90 % interval, N; None without a calibration.
-    """
-
-    stop: Stop
-    state: TimedState
-    at_stop: bool
-    outputs: Array
-    decoded: float
-    observed: float
-    half_width: float | None = None
-
-    def row(self, unit: str) -> FlatRow:
-        """Return the row of cycle.csv."""
-        s, solution, r = self.state, self.state.solution, self.state.solution.response
-        return {
-            "time_s": s.time,
-            "cycle": self.stop.cycle,
-            "phase": self.stop.phase,
-            "depth_mm": solution.load.depth,
-            "shear_mm": solution.load.shear_x,
-            **{f"force_{axis}_N": value for axis, value in zip("xyz", r.force, strict=True)},
-            **{f"shift_{axis}_mm": value for axis, value in zip("xyz", r.shift, strict=True)},
-            "tilt_rad": r.tilt,
-            "contact_radius_mm": r.contact_radius,
-            **{f"S{i}_{unit}": float(value) for i, value in enumerate(self.outputs, 1)},
-            "decoded_force_N": self.decoded,
-            "observed_force_N": self.observed,
-            **({} if self.half_width is None else {"half_width_N": self.half_width}),
-            "time_error": s.time_error,
-            "work_mJ": s.work,
-            "stored_mJ": solution.energy,
-            "dissipated_mJ": s.dissipated,
-            "friction_dissipated_mJ": solution.dissipated,
-        }
+Passed = tuple[Stop, TimedState, bool]
+"""A state, the stop of the motion to which it leads, and whether it has reached it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,78 +109,111 @@ def outputs_of(design: Design, shifts: Array, tilts: Array) -> Array:
     return batch_readings([design], np.zeros(len(shifts), dtype=np.int64), shifts, rotations).output
 
 
-def with_readings(
-    design: Design, passed: Sequence[tuple[Stop, TimedState, bool]], static: Static
-) -> list[CycleState]:
-    """Return the states with their outputs and decoded forces; those of a calibrated sensor have its own forces."""
+def rows_of(design: Design, passed: Sequence[Passed], static: Static) -> list[FlatRow]:
+    """Return the rows of cycle.csv, each with the `place` of its stop, "" on the way to it.
+
+    Outputs are in V, or T for a chip. Those of a calibrated sensor have its own forces, and the half width of the 90 %
+    interval of the observed one.
+    """
     responses = [state.solution.response for _, state, _ in passed]
-    shifts = np.array([response.shift for response in responses])
+    shifts, turned, force = (
+        np.array([getattr(r, name) for r in responses]) for name in ("shift", "rotation", "force")
+    )
+    times = np.array([state.time for _, state, _ in passed])
+    half_width: Array | None = None
     if static.made is not None:
-        turned, pushed = (np.array([getattr(one, name) for one in responses]) for name in ("rotation", "force"))
-        answers = static.made(design, np.array([state.time for _, state, _ in passed]), shifts, turned, pushed)
+        found = static.made(design, times, shifts, turned, force)
+        force, outputs = found.force, found.outputs
         axis = 0 if any(state.solution.load.shear_x for _, state, _ in passed) else 2
-        columns = (each[:, axis].tolist() for each in (answers.decoded, answers.observed, answers.half_width))
-        states = []
-        for (stop, state, at_stop), own, outputs, *along in zip(
-            passed, answers.force.tolist(), answers.outputs, *columns, strict=True
-        ):
-            response = replace(state.solution.response, force=tuple(own))
-            felt = replace(state, solution=replace(state.solution, response=response))
-            states.append(CycleState(stop, felt, at_stop, outputs, *along))
-        return states
-    curve, outputs = static.curve, outputs_of(design, shifts, np.array([response.tilt for response in responses]))
+        decoded, observed, half_width = (each[:, axis] for each in (found.decoded, found.observed, found.half_width))
+    else:
+        outputs = outputs_of(design, shifts, np.array([response.tilt for response in responses]))
+        decoded, observed = _decoded(design, passed, outputs, static.curve)
+    unit, rows = "V" if design.hall_layout == "three" else "T", []
+    for k, (stop, s, at_stop) in enumerate(passed):
+        solution, r = s.solution, s.solution.response
+        rows.append({
+            "time_s": s.time,
+            "cycle": stop.cycle,
+            "phase": stop.phase,
+            "depth_mm": solution.load.depth,
+            "shear_mm": solution.load.shear_x,
+            **{f"force_{axis}_N": value for axis, value in zip("xyz", force[k].tolist(), strict=True)},
+            **{f"shift_{axis}_mm": value for axis, value in zip("xyz", r.shift, strict=True)},
+            "tilt_rad": r.tilt,
+            "contact_radius_mm": r.contact_radius,
+            **{f"S{i}_{unit}": float(value) for i, value in enumerate(outputs[k], 1)},
+            "decoded_force_N": float(decoded[k]),
+            "observed_force_N": float(observed[k]),
+            **({} if half_width is None else {"half_width_N": float(half_width[k])}),
+            "time_error": s.time_error,
+            "work_mJ": s.work,
+            "stored_mJ": solution.energy,
+            "dissipated_mJ": s.dissipated,
+            "friction_dissipated_mJ": solution.dissipated,
+            "place": stop.place if at_stop else "",
+        })  # fmt: skip
+    return rows
+
+
+def _decoded(
+    design: Design, passed: Sequence[Passed], outputs: Array, curve: StaticCurve | None
+) -> tuple[Array, Array]:
+    """Return decoded and observed force along the motion, (n,) each; NaN without a curve."""
     loads, axis = (np.full((len(passed), 3), np.nan), 0) if curve is None else (curve.decode(outputs), curve.axis)
     # the curve is that of the strokes: it knows no press before a shear
     loads[[stop.phase == "press" and not state.solution.load.shear_x for stop, state, _ in passed]] = np.nan
     law = RelaxingForce(design)
     law.step(0.0, np.zeros(3), np.zeros(2))
-    states = []
-    for (stop, state, at_stop), one, load in zip(passed, outputs, loads, strict=True):
-        x, z, shear = load
-        observed = law.step(state.time, np.array([x, 0.0, z]) / law.slow, np.array([shear, 0.0]))[[0, 2]]
-        states.append(CycleState(stop, state, at_stop, one, float(load[axis]), float(observed[axis])))
-    return states
+    observed = [
+        law.step(state.time, np.array([x, 0.0, z]) / law.slow, np.array([shear, 0.0]))[[0, 2]]
+        for (_, state, _), (x, z, shear) in zip(passed, loads, strict=True)
+    ]
+    return loads[:, axis], np.array(observed)[:, axis]
 
 
-def loops_of(motion: Motion, states: Sequence[CycleState]) -> list[Loop]:
-    """Return the loops of all complete cycles."""
-    rows = []
+def loops_of(motion: Motion, rows: Sequence[FlatRow]) -> list[Loop]:
+    """Return the loops of all complete cycles of `rows_of`."""
+    loops = []
     for cycle in range(1, motion.cycles + 1):
-        own = [one for one in states if one.stop.cycle == cycle]
-        if sum(one.at_stop and one.stop.place == "end" for one in own) == 2:
-            first = states.index(own[0])
-            rows.append(_loop(motion, cycle, own, states[first - 1].state if first else None))
-    return rows
+        own = [k for k, row in enumerate(rows) if row["cycle"] == cycle]
+        if sum(rows[k]["place"] == "end" for k in own) == 2:
+            loops.append(_loop(motion, cycle, rows[own[0] : own[-1] + 1], rows[own[0] - 1] if own[0] else None))
+    return loops
 
 
-def _loop(motion: Motion, cycle: int, own: Sequence[CycleState], before: TimedState | None) -> Loop:
-    axis, last = 0 if motion.shear else 2, own[-1].state
+def _loop(motion: Motion, cycle: int, own: Sequence[FlatRow], before: FlatRow | None) -> Loop:
+    along, last = f"force_{'x' if motion.shear else 'z'}_N", own[-1]
     # forces count along the first way of the plate
     way = -1.0 if motion.shear < 0 else 1.0
-    force = way * np.array([one.state.solution.response.force[axis] for one in own])
-    decoded, observed = way * np.array([(one.decoded, one.observed) for one in own]).T
+    force, decoded, observed = (
+        way * np.array([row[name] for row in own]) for name in (along, "decoded_force_N", "observed_force_N")
+    )
     # a shear passes its ends outside of a cycle too
-    passed = force if before is None else np.append(force, way * before.solution.response.force[axis])
+    passed = force if before is None else np.append(force, way * before[along])
     gap, scale = _gap(own, force), float(np.ptp(passed))
     known = bool(np.isfinite(decoded).all())
-    start = (0.0, 0.0, 0.0) if before is None else (before.work, before.dissipated, before.solution.dissipated)
-    most = max(abs(one.state.work) for one in own)
-    widths = [one.half_width for one in own if one.half_width is not None]
+    most = max(abs(row["work_mJ"]) for row in own)
+    widths = [row["half_width_N"] for row in own if "half_width_N" in row]
     inside = np.abs(observed - force) <= widths if widths else np.zeros(0)
     interval = {"half_width_N": max(widths), "inside_percent": 100 * float(inside.mean())} if widths else {}
     errors = {
         f"{name}_error_percent": 100 * float(np.abs(values - force).max()) / scale if known and scale else None
         for name, values in (("decoded", decoded), ("observed", observed))
     }
+
+    def since(name: str) -> float:
+        return _rounded(last[name] - (before[name] if before else 0.0), most)
+
     return {
         "cycle": cycle,
         "largest_N": float(np.abs(force).max()),
         "full_scale_N": scale,
         "gap_N": _rounded(gap, scale),
         "gap_percent": 100 * _rounded(gap, scale) / scale if scale else 0.0,
-        "area_mJ": _rounded(last.work - start[0], most),
-        "material_mJ": _rounded(last.dissipated - start[1], most),
-        "friction_mJ": _rounded(last.solution.dissipated - start[2], most),
+        "area_mJ": since("work_mJ"),
+        "material_mJ": since("dissipated_mJ"),
+        "friction_mJ": since("friction_dissipated_mJ"),
         "decoded_gap_percent": 100 * _rounded(_gap(own, decoded), scale) / float(np.ptp(decoded))
         if known and np.ptp(decoded)
         else None,
@@ -230,12 +227,8 @@ def _rounded(value: float, scale: float) -> float:
     return round(value, 5 - math.floor(math.log10(scale))) + 0.0 if scale else value
 
 
-def _gap(own: Sequence[CycleState], force: Iterable[float]) -> float:
-    middle: dict[Phase, float] = {
-        one.stop.phase: float(value)
-        for one, value in zip(own, force, strict=True)
-        if one.at_stop and one.stop.place == "middle"
-    }
+def _gap(own: Sequence[FlatRow], force: Iterable[float]) -> float:
+    middle = {row["phase"]: float(value) for row, value in zip(own, force, strict=True) if row["place"] == "middle"}
     return middle["in"] - middle["out"]
 
 
@@ -244,30 +237,35 @@ def _gap(own: Sequence[CycleState], force: Iterable[float]) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Cycles:
-    """The states and loops of a motion by one law.
+    """The rows and loops of a motion by one law.
 
     law : "prony" or "finite", see `fem.model.viscoelasticity`.
     status, message : "ok", "unstable" with the first such state, or why the path ended.
+    rows : of `rows_of`.
+    steps : number of time steps, and of degrees of freedom.
+    seconds : of the processor.
     """
 
     law: str
     status: str
     message: str
-    states: list[CycleState]
+    rows: list[FlatRow]
     loops: list[Loop]
-    unit: str
-    seconds: float
+    steps: tuple[int, int] = (0, 0)
+    seconds: float = 0.0
 
     @property
     def time_error(self) -> float:
         """Largest estimated error of the force from the time steps, over the largest force."""
-        return max((one.state.time_error for one in self.states), default=math.nan)
+        return max((row["time_error"] for row in self.rows), default=math.nan)
 
     @property
     def balance_error(self) -> float:
         """Largest work that is neither stored nor dissipated, an error of the time steps, over the largest work."""
-        largest = max((one.state.work for one in self.states), default=0.0)
-        return max(abs(one.state.balance) for one in self.states) / largest if largest > 0 else math.nan
+        largest = max((row["work_mJ"] for row in self.rows), default=0.0)
+        spent = ("stored_mJ", "dissipated_mJ", "friction_dissipated_mJ")
+        lost = [row["work_mJ"] - row[spent[0]] - row[spent[1]] - row[spent[2]] for row in self.rows]
+        return max(map(abs, lost)) / largest if largest > 0 else math.nan
 
     @property
     def drift_percent(self) -> float | None:
@@ -276,19 +274,18 @@ class Cycles:
             return None
         return 100 * float(self.loops[-1]["largest_N"] / self.loops[0]["largest_N"] - 1)
 
-    def row(self) -> FlatRow:
+    def record(self) -> FlatRow:
         """Return status, the loops and the errors for JSON."""
-        steps = self.states[-1].state if self.states else None
         return {
             "law": self.law,
             "status": self.status,
             "message": self.message,
             "loops": self.loops,
             "drift_percent": self.drift_percent,
-            "time_error": self.time_error if self.states else None,
-            "balance_error": self.balance_error if self.states else None,
-            "time_steps": steps.step if steps else 0,
-            "dofs": steps.solution.dofs if steps else 0,
+            "time_error": self.time_error if self.rows else None,
+            "balance_error": self.balance_error if self.rows else None,
+            "time_steps": self.steps[0],
+            "dofs": self.steps[1],
             "seconds": self.seconds,
         }
 
@@ -303,8 +300,8 @@ class Static:
     made : a calibrated sensor, which answers and decodes in place of the curve.
     """
 
-    curve: StaticCurve | None
-    mesh_error: float | None
+    curve: StaticCurve | None = None
+    mesh_error: float | None = None
     stop: str = ""
     made: Made | None = None
 
@@ -365,23 +362,12 @@ def run(
     `interrupted`: receives, after Ctrl-C, the results of the states that were reached.
     """
     begin = time.process_time()
-    passed: list[tuple[Stop, TimedState, bool]] = []
+    passed: list[Passed] = []
 
     def results() -> Cycles:
-        states = with_readings(design, passed, static)
-        solutions = [state.solution for _, state, _ in passed]
-        failed = [solution for solution in solutions if solution.status == "not_converged"]
-        unstable = [state for _, state, _ in passed if state.solution.status == "unstable"]
-        # of stable states the one with the largest strain says what limits the use of all
-        strained = max(solutions, key=lambda solution: solution.facts.largest_strain or 0.0)
-        doubtful = strained.facts.remark not in EXPECTED or strained.facts.inverted_share
-        status, message = "ok", strained.message if doubtful else ""
-        if unstable:
-            status, message = "unstable", f"{unstable[0].solution.message}, first at {unstable[0].time:.4g} s"
-        if failed:
-            status, message = failed[0].status, failed[0].message
-        unit = "V" if design.hall_layout == "three" else "T"
-        return Cycles(law, status, message, states, loops_of(motion, states), unit, time.process_time() - begin)
+        rows, last = rows_of(design, passed, static), passed[-1][1]
+        seconds = time.process_time() - begin
+        return Cycles(law, *_verdict(passed), rows, loops_of(motion, rows), (last.step, last.solution.dofs), seconds)
 
     try:
         passed.extend(_follow(design, motion, law, accuracy, magnet, tolerance, progress))
@@ -392,6 +378,18 @@ def run(
     return results()
 
 
+def _verdict(passed: Sequence[Passed]) -> tuple[str, str]:
+    solutions = [state.solution for _, state, _ in passed]
+    if failed := [solution for solution in solutions if solution.status == "not_converged"]:
+        return failed[0].status, failed[0].message
+    if unstable := [state for _, state, _ in passed if state.solution.status == "unstable"]:
+        return "unstable", f"{unstable[0].solution.message}, first at {unstable[0].time:.4g} s"
+    # of stable states the one with the largest strain says what limits the use of all
+    strained = max(solutions, key=lambda solution: solution.facts.largest_strain or 0.0)
+    doubtful = strained.facts.remark not in EXPECTED or strained.facts.inverted_share
+    return "ok", strained.message if doubtful else ""
+
+
 def _follow(
     design: Design,
     motion: Motion,
@@ -400,7 +398,7 @@ def _follow(
     magnet: Magnet,
     tolerance: float,
     progress: Progress,
-) -> Iterator[tuple[Stop, TimedState, bool]]:
+) -> Iterator[Passed]:
     path = stops(motion)
     check_load(design, motion.largest, magnet)
     ahead = iter(path)

@@ -19,7 +19,6 @@ from geometry.loads import Load, Magnet, Response, check_load
 from studies.mechanics import prediction, surrogate_range
 from studies.mechanics.prediction import Beams, Quantity
 
-
 REMEDY = ": take finite elements"
 
 

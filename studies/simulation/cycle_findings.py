@@ -98,10 +98,15 @@ def run(
 def _result(
     design: Design, followed: Sequence[Cycles], found: FlatRow, said: list[str], warned: list[str], motion: Motion
 ) -> Result:
-    first, states = followed[0], [{"law": one.law} | state.row(one.unit) for one in followed for state in one.states]
-    record: FlatRow = first.row() | found
+    first = followed[0]
+    states = [
+        {"law": one.law} | {name: row[name] for name in row if name != "place"}
+        for one in followed
+        for row in one.rows
+    ]
+    record: FlatRow = first.record() | found
     if len(followed) > 1:
-        record["second_law"] = followed[1].row()
+        record["second_law"] = followed[1].record()
     # energy that is stored before a loop may be released in it
     releases = any(row["material_mJ"] + row["friction_mJ"] > 1.01 * row["area_mJ"] for row in first.loops)
     findings = sentences("findings", cycles=first, releases=releases) if first.loops else []
@@ -116,7 +121,7 @@ def _result(
         digits=9,
         files={"cycle.png": partial(picture, rows=states, draw=time_figures.cycle)},
         warnings=warned,
-        failures=failure_of([*(one.row() for one in followed), *([found] if found else [])]),
+        failures=failure_of([*(one.record() for one in followed), *([found] if found else [])]),
         design=asdict(design),
     )
 
@@ -183,11 +188,7 @@ def doubts(static: Static, cycles: Cycles) -> list[str]:
     """Return in sentences why the loops should not be trusted, if they should not."""
     gained = [row for row in cycles.loops if row["material_mJ"] < -GAINED * abs(row["area_mJ"])]
     # ways of the last complete cycle on which the plate touches nothing at mid-stroke
-    away = [
-        one.stop.phase
-        for one in cycles.states
-        if cycles.loops
-        and (one.at_stop, one.stop.cycle, one.stop.place) == (True, cycles.loops[-1]["cycle"], "middle")
-        and one.state.solution.response.force[2] <= 0
-    ]
+    last = cycles.loops[-1]["cycle"] if cycles.loops else None
+    middle = [row for row in cycles.rows if (row["cycle"], row["place"]) == (last, "middle")]
+    away = [row["phase"] for row in middle if row["force_z_N"] <= 0]
     return sentences("doubts", static=static, cycles=cycles, gained=gained, away=away)

@@ -350,7 +350,7 @@ def loop_figures(step_error: float) -> Row:
     """
     design = paper()
     motion = Motion(VALUES["depth"], 0.0, "none", VALUES["speed"] / (2 * VALUES["depth"]), cycles=2)
-    static = loading_cycles.Static(None, None)
+    static = loading_cycles.Static()
     cycles = loading_cycles.run(design, motion, "prony", static, "quick", "rigid", step_error, lambda *_: None)
     relaxation = relaxation_of(design)
     spring, sine = (loop(relaxation, motion.frequency, form).hysteresis for form in ("triangle", "sine"))

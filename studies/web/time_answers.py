@@ -252,7 +252,7 @@ def loop(state: ExplorerState, motion: Motion, made: Fit | None = None) -> Data:
         state.design,
         motion,
         "prony",
-        loading_cycles.Static(None, None, made=of_sensor),
+        loading_cycles.Static(made=of_sensor),
         LOOP_LEVEL,
         state.magnet,
         TOLERANCE,
