@@ -351,9 +351,8 @@ def test_a_problem_is_rebuilt_from_what_is_stored(name):
     """The rebuilt problem has the same key, so it is the same problem."""
     place = place_of(name)
     content = json.loads(json.dumps(place.content))
-    state = State(*place.at, "ok", "ok", path_solver.units_of(place.scene, place.kind), 0.0, "")
-    scene, motion = store_check._scene(content, state), store_check._motion(content, state)
-    again = path_solver.place(scene, content["quantity"], motion)
+    stored = path_solver.problem_of(place.scene.design, place.scene.loads[0], place.motion)
+    again = store_check.problem(content, State(*place.at, "ok", "ok", json.loads(json.dumps(stored)), 0.0, ""))
     assert (store.key(again.content), again.at) == (store.key(place.content), place.at)
 
 
@@ -404,7 +403,10 @@ def test_a_state_that_differs_by_more_than_its_estimate_is_found(resolved, solve
 def test_the_seed_chooses_the_states_and_a_content_of_another_program_is_named(resolved, solved):
     new = place_of("press").content | {"new": 1}
     assert resolved([(new, solved["press"])])[1][-1].endswith("has a content that this version does not know")
-    more = [(place_of("press").content | {"k": k}, [State(0.1, 0.0, "ok", "ok", {}, 0.0, "")]) for k in range(50)]
+    more = [
+        (place_of("press").content | {"k": k}, [State(0.1, 0.0, "ok", "ok", {"solved": {}}, 0.0, "")])
+        for k in range(50)
+    ]
     first, again, other = (resolved(more, 2, seed)[0] for seed in (1, 1, 2))
     assert (first, len(first)) == (again, 2)
     assert first != other

@@ -112,8 +112,8 @@ def outputs_of(design: Design, shifts: Array, tilts: Array) -> Array:
 def rows_of(design: Design, passed: Sequence[Passed], static: Static) -> list[FlatRow]:
     """Return the rows of cycle.csv, each with the `place` of its stop, "" on the way to it.
 
-    Outputs are in V, or T for a chip. Those of a calibrated sensor have its own forces, and the half width of the 90 %
-    interval of the observed one.
+    Outputs are in V, or T for a chip. A calibrated sensor has forces of its own, and the half width of the observed
+    one's 90 % interval.
     """
     responses = [state.solution.response for _, state, _ in passed]
     shifts, turned, force = (

@@ -34,6 +34,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from fem.physics_version import PHYSICS
 from fem.scene import Scene
 from geometry.bad_input import SolveFailed
+from geometry.design import Design
 from geometry.loads import ANSWERED, Load, Response
 from studies.mechanics import timed_quantities
 from studies.mechanics.store import Outcome, Position, State, position
@@ -256,13 +257,10 @@ def _followed(scene: Scene, loads: Sequence[Load]) -> list[State]:
     except SolveFailed as error:
         solutions, end = [], ("not_converged", str(error))
     reached = [one for one in solutions if one.status in ANSWERED]
-    lost = units_of(scene) | {"response": None, "error_estimate": None, "message": end[1]}
+    lost = {"response": None, "error_estimate": None, "message": end[1]}
     return [
         *(_state(scene, load, one) for load, one in zip(loads, reached, strict=False)),
-        *(
-            State(*position_of(load, scene.design.D), "failed", end[0], lost, 0.0, _origin())
-            for load in loads[len(reached) :]
-        ),
+        *(_stored(scene, load, "failed", end[0], lost) for load in loads[len(reached) :]),
     ]
 
 
@@ -283,30 +281,46 @@ def _origin() -> str:
 
 def _state(scene: Scene, load: Load, solution: Solution) -> State:
     estimates, facts = solution.estimates, solution.facts
-    answer = units_of(scene) | {
+    answer = {
         "response": dataclasses.asdict(solution.response),
         "error_estimate": estimates.force,
         "message": solution.message,
         "estimates": {name: getattr(estimates, name) for name in ("force", "shift", "tilt", "sideways")},
         "values": {name: getattr(facts, name) for name in ("largest_strain", "sideways_stiffness_ratio")},
     }
-    at = position_of(load, scene.design.D)
-    return State(*at, "ok", solution.status, answer, solution.seconds, _origin())
+    return _stored(scene, load, "ok", solution.status, answer, solution.seconds)
 
 
-def units_of(scene: Scene, kind: Kind = "states") -> dict[str, Any]:
-    """Return the values of the design that was solved, which scale its answers to similar designs."""
-    density = {"density_kg_per_m3": scene.design.density} if kind == "response" else {}
-    return {"D_mm": scene.design.D, "E_MPa": scene.design.E} | density
+def _stored(
+    scene: Scene,
+    load: Load | None,
+    outcome: Outcome,
+    status: str,
+    answer: dict[str, Any],
+    seconds: float = 0.0,
+    motion: PlateMotion = STILL,
+) -> State:
+    """Return a state with its answer and what was solved; the only one of a path has no load of its own."""
+    at = (0.0, 0.0) if load is None else position_of(load, scene.design.D)
+    solved = problem_of(scene.design, load or scene.loads[0], motion)
+    return State(*at, outcome, status, solved | answer, seconds, _origin())
+
+
+def problem_of(design: Design, load: Load, motion: PlateMotion) -> dict[str, Any]:
+    """Return what was solved, as JSON: D and E, which scale answers to similar designs, and all fields that differ
+    from the defaults, by which `store check` solves it again."""
+    fields = {
+        name: {f.name: v for f in dataclasses.fields(of) if (v := getattr(of, f.name)) != f.default}
+        for name, of in (("design", design), ("load", load), ("motion", motion))
+    }
+    return {"D_mm": design.D, "E_MPa": design.E, "solved": fields}
 
 
 def unsolved(task: Task, reason: str) -> list[State]:
     """Return the states of a task that has no answer because its process died."""
-    D = task.scene.design.D
-    loads = task.scene.loads if task.kind == "states" else ()
-    positions = [position_of(load, D) for load in loads] or [(0.0, 0.0)]
-    answer = units_of(task.scene, task.kind) | {"response": None, "error_estimate": None, "message": reason}
-    return [State(*at, "transient", "worker_died", answer, 0.0, _origin()) for at in positions]
+    loads = task.scene.loads if task.kind == "states" else (None,)
+    answer = {"response": None, "error_estimate": None, "message": reason}
+    return [_stored(task.scene, load, "transient", "worker_died", answer, motion=task.motion) for load in loads]
 
 
 def _single(task: Task) -> State:
@@ -319,8 +333,8 @@ def _single(task: Task) -> State:
         values, result, message = {}, "failed", str(error)
         status = "not_converged" if task.kind == "critical depth" else "failed"
     answer = {"response": None, "error_estimate": values.pop("error_estimate", None), "message": message}
-    answer |= units_of(task.scene, task.kind) | {"values": values}
-    return State(0.0, 0.0, result, status, answer, time.perf_counter() - begin, _origin())
+    answer |= {"values": values}
+    return _stored(task.scene, None, result, status, answer, time.perf_counter() - begin, task.motion)
 
 
 def _critical(task: Task) -> dict[str, Any]:

@@ -159,17 +159,6 @@ def branches(relaxation: Relaxation, rate: float) -> str:
     return " ".join(f"{g:.12g}:{tau * rate:.12g}" for g, tau in pairs)
 
 
-def response_fields(load: Mapping[str, Any], design: Design) -> Design:
-    """Return a design with the branches and the band of a path's content; its D, E and density give the unit."""
-    if not load["branches"]:
-        return replace(design, loss_factor=0.0)
-    unit = unit_of(design)
-    pairs = [word.split(":") for word in load["branches"].split()]
-    words = [f"{g}:{float(tau) / unit!r}" for g, tau in pairs]
-    words += [f"0:{1 / (2 * math.pi * load[end] * unit)!r}" for end in ("highest", "lowest")]
-    return replace(design, prony=" ".join(words))
-
-
 def solve_response(scene: Scene) -> dict[str, Any]:
     """Solve for the vibration of a scene at rest.
 
@@ -267,21 +256,6 @@ def cycle_content(scene: Scene, motion: PlateMotion) -> dict[str, Any]:
         "cycles": CYCLES,
     }
     return _content(scene, "cycle", load)
-
-
-def cycle_fields(load: Mapping[str, Any], design: Design) -> Design:
-    """Return a design with the branches of a path's content, for a cycle of 1 s."""
-    if not load["branches"]:
-        return replace(design, loss_factor=0.0)
-    # the marks say that the branches speak for 1 Hz
-    return replace(design, prony=f"{load['branches']} 0:1e-6 0:1e6", modulus=load["modulus"])
-
-
-def motion_of_cycle(load: Mapping[str, Any], D: float) -> PlateMotion:
-    """Return the motion of a path's content for a cycle of 1 s."""
-    if load["waveform"] == "sine":
-        return PlateMotion(frequency=1.0)
-    return PlateMotion(speed=2 * D * (2 * load["shear_x"] or load["depth"]))
 
 
 def solve_cycle(scene: Scene, motion: PlateMotion) -> dict[str, Any]:
