@@ -91,6 +91,21 @@ def test_a_load_without_a_depth_has_no_response(sheared):
     assert np.isnan(sheared["force_x"].value).tolist() == [[False, False, True]]
 
 
+class WithoutForceErrors(Solver):
+    """As where there is no coarser mesh."""
+
+    def answers(self, scenes, kind="states"):
+        rows = super().answers(scenes, kind)
+        return [[dataclasses.replace(one, estimates=one.estimates | {"force": None}) for one in row] for row in rows]
+
+
+def test_an_unknown_error_is_not_taken_for_none():
+    with temporary() as memory:
+        pressed = FemBeams([paper()], WithoutForceErrors(memory, Processes(0), None, QUICK)).press(np.array([[0.1]]))
+    unknown = {name: bool(np.isnan(found.half_width[0, 0])) for name, found in pressed.items()}
+    assert unknown == {"force": True, "shift": False, "strain": False}
+
+
 def test_shears_are_those_of_one_path_whatever_their_order(sheared):
     loads = [Load(depth=0.8, shear_x=shear, friction="stick") for shear in (0.4, 0.8)]
     near, far = (state.response for state in trace(paper(), loads, QUICK, model="harmonic"))

@@ -144,13 +144,18 @@ def _critical(answer: Answer) -> float:
 
 
 def _table(answers: Sequence[Sequence[Answer | None]], read: Callable[[Answer, Any], Any], estimate: str) -> Solved:
-    """Return what is read from answers (n, k), NaN where there is none, and half widths by its estimated error."""
+    """Return what is read from answers (n, k), NaN where there is none, and half widths by its estimated error.
+
+    A half width is NaN where that error is unknown, and 0 of what is 0 or is never estimated.
+    """
 
     def pair(one: Answer | None) -> tuple[float, float]:
         if one is None or one.response is None:
             return np.nan, np.nan
-        value, errors = read(one, one.response), {"force": one.error_estimate, **one.estimates}
-        return value, abs(value) * float(np.nan_to_num(errors.get(estimate) or 0.0))
+        value, error = read(one, one.response), {"force": one.error_estimate, **one.estimates}.get(estimate)
+        if not estimate or not value:
+            return value, 0.0
+        return value, np.nan if error is None else abs(value) * error
 
     value, half_width = np.moveaxis(np.array([[pair(one) for one in row] for row in answers], dtype=float), -1, 0)
     return Solved(value, half_width)
