@@ -7,16 +7,17 @@ fields; a field that a state does not have is NULL.
 from __future__ import annotations
 
 import contextlib
+import csv
 import datetime
 import functools
 import itertools
 import json
 import math
 import sqlite3
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, cast
 
 import numpy as np
 
@@ -31,8 +32,6 @@ from studies.output import atomic_files, provenance, table_files
 from studies.output.records import FlatRow
 
 Kind = Literal["text", "number", "whole number", "text or number"]
-PER_LENGTH = " / json_extract(state.answer, '$.D_mm')"
-PER_FORCE = PER_LENGTH * 2 + " / json_extract(state.answer, '$.E_MPa')"
 TOLERANCE = 1e-9
 """Difference up to which a number equals the value of a filter: stored numbers have 12 digits."""
 Condition = tuple[str, tuple[str | float, ...]]
@@ -48,80 +47,23 @@ class Field:
     kind: Kind = "number"
 
 
-def _content(place: str, kind: Kind = "number") -> Field:
-    return Field(True, f"json_extract(path.content, '$.{place}')", kind)
+def _field(row: Mapping[str, str]) -> Field:
+    of_path = row["of"] == "content"
+    source = "path.content" if of_path else "state.answer"
+    sql = (
+        f"state.{row['place']}"
+        if row["of"] == "state"
+        else f"json_extract({source}, '$.{row['place']}'){OVER[row['over']]}"
+    )
+    return Field(of_path, f"accuracy_name({sql})" if row["field"] == "accuracy" else sql, cast("Kind", row["kind"]))
 
 
-def _column(name: str, kind: Kind = "number") -> Field:
-    return Field(False, f"state.{name}", kind)
-
-
-def _answer(place: str, unit: str = "", kind: Kind = "number") -> Field:
-    return Field(False, f"json_extract(state.answer, '$.{place}'){unit}", kind)
-
-
-def _vector(place: str, unit: str, name: str) -> dict[str, Field]:
-    return {name.format(axis): _answer(f"{place}[{k}]", unit) for k, axis in enumerate("xyz")}
-
-
-FIELDS: dict[str, Field] = {
-    "quantity": _content("quantity", "text"),
-    "model": _content("model", "text"),
-    "physics": _content("physics", "whole number"),
-    "accuracy": Field(True, "accuracy_name(json_extract(path.content, '$.accuracy'))", "text"),
-    "magnet": _content("magnet", "text"),
-    "law": _content("law[0]", "text"),
-    **{f"law_number_{k}": _content(f"law[{k}]") for k in (1, 2, 3)},
-    "nu": _content("nu"),
-    **{
-        f"{name}_over_D": _content(f"shape.{name}")
-        for name in ("L", "magnet_diameter", "magnet_height", "magnet_edge_radius")
-    },
-    "friction": _content("load.friction", "text or number"),
-    "grip_over_D": _content("load.grip"),
-    "plate_tilt_rad": _content("load.plate_tilt"),
-    "imperfection_over_E_D2": _content("load.imperfection"),
-    "sheared_at_depth_over_D": _content("load.sheared_at_depth"),
-    "direction_x": _content("load.direction[0]"),
-    "direction_y": _content("load.direction[1]"),
-    "modes_at_depth_over_D": _content("load.depth"),
-    "density_ratio": _content("load.density_ratio"),
-    "at_shear_over_D": _content("load.shear_x"),
-    "response_from_2pi_f_D_sqrt_rho_over_E": _content("load.lowest"),
-    "response_to_2pi_f_D_sqrt_rho_over_E": _content("load.highest"),
-    "branches": _content("load.branches", "text"),
-    "modulus": _content("load.modulus", "text"),
-    "waveform": _content("load.waveform", "text"),
-    "cycles": _content("load.cycles", "whole number"),
-    "depth_over_D": _column("depth"),
-    "shear_over_D": _column("shear"),
-    "outcome": _column("outcome", "text"),
-    "status": _column("status", "text"),
-    **_vector("response.force", PER_FORCE, "force_{}_over_E_D2"),
-    **_vector("response.shift", PER_LENGTH, "shift_{}_over_D"),
-    "tilt_rad": _answer("response.tilt"),
-    "tilt_y_rad": _answer("response.tilt_y"),
-    "contact_radius_over_D": _answer("response.contact_radius", PER_LENGTH),
-    "critical_depth_over_D": _answer("values.critical_depth_over_D"),
-    "critical_force_over_E_D2": _answer("values.critical_force_over_ED2"),
-    "stable_to_over_D": _answer("values.stable_to_over_D"),
-    # stored as f D (rho / E)^(1/2) in mm, MPa and kg/m^3
-    **{f"frequency_{k + 1}_D_sqrt_rho_over_E": _answer(f"values.frequency[{k}]", " * 1e-6") for k in range(6)},
-    "bandwidth_2pi_f_D_sqrt_rho_over_E": _answer("values.bandwidth"),
-    "resonance_2pi_f_D_sqrt_rho_over_E": _answer("values.resonance"),
-    "resonance_Q": _answer("values.Q"),
-    "loop_gap_percent": _answer("values.gap_percent"),
-    "loop_area_over_E_D3": _answer("values.area_over_ED3"),
-    "loop_largest_force_over_E_D2": _answer("values.largest_over_ED2"),
-    "error_estimate": _answer("error_estimate"),
-    "seconds": _column("seconds"),
-    "solved_D_mm": _answer("D_mm"),
-    "solved_E_MPa": _answer("E_MPa"),
-    "message": _answer("message", kind="text"),
-    "versions": _column("versions", "text"),
-    "added": _column("added", "text"),
-}
-"""All fields, in the order of the columns of an export."""
+D, E = (f" / json_extract(state.answer, '$.{name}')" for name in ("D_mm", "E_MPa"))
+OVER = {"": "", "D": D, "E D2": D + D + E, "1e6": " * 1e-6"}
+"""What values are divided by; stored frequencies are f D (rho / E)^(1/2) in mm, MPa and kg/m^3."""
+with Path(__file__).with_name("store_fields.csv").open(encoding="utf-8", newline="") as _file:
+    FIELDS = {row["field"]: _field(row) for row in csv.DictReader(_file)}
+"""All fields, in the order of the columns of an export: their places in contents, answers or rows of states."""
 
 
 def register(connection: sqlite3.Connection) -> None:
