@@ -199,7 +199,7 @@ def test_a_table_is_decoded_as_a_stream(run, strict, tmp_path):
         ),
         ("--file r.csv", "in the order S1_V,S2_V,S3_V"),
         ("--file tesla.csv", "S1_T,S2_T,S3_T, not S1_V,S2_V,S3_V: add --units T"),
-        ("--file text.csv", "must be a finite number of V"),
+        ("--file text.csv", "line 2, column S2_V: must be a finite number or empty; got 'two'"),
         ("--file head.csv", "has a header but no rows: add a row of numbers below it"),
     ],
 )

@@ -184,7 +184,7 @@ def test_field_is_added_at_full_precision(run, tmp_path):
         ("x_mm,z_mm\n1,2\n", "column y_mm is missing"),
         ("x_mm,z_mm,y_mm\n1,2,3\n", "in the order"),
         ("x_mm,y_mm,z_mm,Bx_T\n1,2,3,4\n", "Bx_T exists already"),
-        ("x_mm,y_mm,z_mm\n1,2,3\n1,two,3\n", "line 3: y_mm must be a finite number"),
+        ("x_mm,y_mm,z_mm\n1,2,3\n1,two,3\n", "line 3, column y_mm: must be a finite number"),
         ("x_mm,y_mm,z_mm\n1,2\n", "line 2: 2 values for 3 columns"),
         ("x_mm,y_mm,z_mm\n2,0,6\n", "infinite on the magnet's rim"),
         ('x_mm,y_mm,z_mm\n"1,2,3\n', "line 2 is not CSV"),

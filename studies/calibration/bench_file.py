@@ -18,17 +18,9 @@ import numpy as np
 from analytic import parts
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
+from studies.inputs.table_input import UNITS, Measured, split_head
 
 FORCES, MOTIONS = ("Fx_N", "Fy_N", "Fz_N"), ("depth_mm", "shear_x_mm", "shear_y_mm")
-UNITS: dict[str, dict[str, float]] = {
-    "V": {"V": 1.0, "mV": 1e-3},
-    "T": {"T": 1.0, "mT": 1e-3, "uT": 1e-6, "µT": 1e-6, "G": 1e-4},
-    "N": {"N": 1.0, "mN": 1e-3, "g": 9.80665e-3, "gf": 9.80665e-3, "kg": 9.80665},
-    "mm": {"mm": 1.0, "um": 1e-3, "µm": 1e-3, "m": 1e3},
-    "s": {"s": 1.0, "ms": 1e-3, "us": 1e-6},
-    "C": {"C": 1.0, "degC": 1.0, "°C": 1.0},
-}
-"""Factors of the units that a head may name, by the unit of the column that results."""
 NAMES = {
     r"f_?x|force_?x": "Fx_N", r"f_?y|force_?y": "Fy_N", r"f_?z|force_?z|force|load|f": "Fz_N",
     r"depth": "depth_mm", r"shear(_?x)?": "shear_x_mm", r"shear_?y": "shear_y_mm",
@@ -118,79 +110,42 @@ def read_readings(file: Path, design: Design) -> tuple[Any, Array, Array | None,
     return raw, readings, times, temperature[:, 0]
 
 
-def read_texts(file: Path) -> Any:
-    """Return the cells of a CSV file, which may be packed (.csv.gz), as texts in a DataFrame.
-
-    Raises
-    ------
-    BadInput
-        There is no such file, or it is no table.
-    """
-    import pandas as pd
-
-    try:
-        table = pd.read_csv(file, comment="#", dtype=str, skipinitialspace=True)
-    except FileNotFoundError:
-        raise BadInput(f"there is no file {str(file)!r}: check its path") from None
-    except (OSError, ValueError, pd.errors.ParserError) as error:
-        raise BadInput(f"{str(file)!r} is no CSV table ({str(error).splitlines()[0]}): check the file") from None
-    if len(table.columns) == 1 and ";" in (head := str(table.columns[0])):
-        raise BadInput(f"{str(file)!r} parts its columns by semicolons ({head}): write commas, and points in numbers")
-    return table
-
-
-def split_head(head: str) -> tuple[str, str]:
-    """Return name and unit of a head.
-
-    >>> split_head("F_x [N]"), split_head("S1_mV"), split_head("S1")
-    (('F_x', 'N'), ('S1', 'mV'), ('S1', ''))
-    """
-    bracket = re.fullmatch(r"\s*(.*?)\s*[\[(]\s*(.*?)\s*[\])]\s*", head)
-    if bracket:
-        return bracket.group(1), bracket.group(2)
-    name, _, unit = head.strip().rpartition("_")
-    return (name, unit) if name else (unit, "")
-
-
 def _read_file(
     file: Path, names: Sequence[str], unit: str, columns: Mapping[str, str] | None
 ) -> tuple[Any, Any, list[dict[str, Any]]]:
     import pandas as pd
 
-    raw = read_texts(file)
+    raw = Measured(file)
     given = {head: name for name, head in (columns or {}).items()}
-    if lost := [head for head in given if head not in raw]:
-        raise BadInput(f"{file.name} has no column {lost[0]!r}: --column names one of {', '.join(raw.columns)}")
-    for head in raw.columns:
-        if head.removesuffix(".1") in raw.columns and head.endswith(".1"):  # so pandas names a second one
-            raise BadInput(f"{file.name} has the column {head.removesuffix('.1')!r} twice: rename or delete one")
+    if lost := [head for head in given if head not in raw.heads]:
+        raise BadInput(f"{file.name} has no column {lost[0]!r}: --column names one of {', '.join(raw.heads)}")
+    if twice := [head for head in raw.heads if raw.heads.count(head) > 1]:
+        raise BadInput(f"{file.name} has the column {twice[0]!r} twice: rename or delete one")
     found: dict[str, str] = {}
-    table, heads = {}, []
-    for head in raw.columns:
+    table, heads = dict[str, Any](), []
+    for head in raw.heads:
         column, named = _meaning(head, given.get(head), names, unit)
+        understood = {"file": file.name, "head": head, "column": column or "not used", "unit": named, "values": 0}
+        heads.append(understood)
         if not column:
-            heads.append({"file": file.name, "head": head, "column": "not used", "unit": "", "values": 0})
             continue
         if column in found:
             raise BadInput(
                 f"{file.name}: the columns {found[column]!r} and {head!r} both mean {column}: rename or delete one"
             )
         found[column] = head
-        table[column] = raw[head] if column == "run" else numbers_of(file, head, raw[head]) * _factor(column, named)
-        heads.append(
-            {"file": file.name, "head": head, "column": column, "unit": named, "values": int(raw[head].notna().sum())}
-        )
+        table[column] = raw.cells(head) if column == "run" else raw.numbers(head, holes=True) * _factor(named)
+        understood["values"] = sum(map(bool, raw.cells(head)))
     if missing := [name for name in names if name not in table]:
         raise BadInput(
             f"{file.name} has no reading {missing[0]}: this design has the elements {', '.join(names)}; name its "
             f"column {missing[0]}_{unit}{'' if columns is None else f', or give --column {missing[0]}=HEAD'}"
         )
-    times = table.get("time_s")
-    if times is not None and (times.dropna().diff() < 0).any():
+    if "time_s" in table and (np.diff(table["time_s"][np.isfinite(table["time_s"])]) < 0).any():
         raise BadInput(
             f"{file.name}: the times of {found['time_s']!r} fall: sort the rows, or give each run its file"
         )
-    return raw, pd.DataFrame(table), heads
+    return pd.DataFrame({head: raw.cells(head) for head in raw.heads}), pd.DataFrame(table), heads
 
 
 def _meaning(head: str, given: str | None, names: Sequence[str], unit: str) -> tuple[str, str]:
@@ -217,23 +172,8 @@ def _meaning(head: str, given: str | None, names: Sequence[str], unit: str) -> t
     return column, named
 
 
-def _factor(column: str, unit: str) -> float:
+def _factor(unit: str) -> float:
     return next(factors[unit] for factors in UNITS.values() if unit in factors)
-
-
-def numbers_of(file: Path, head: str, cells: Any) -> Any:
-    """Return the numbers of a column, NaN for an empty cell or one that is not finite."""
-    import pandas as pd
-
-    values = pd.to_numeric(cells, errors="coerce")
-    wrong = cells[values.isna() & cells.notna() & ~cells.fillna("").str.strip().str.lower().isin(["", "nan"])]
-    if len(wrong):
-        raise BadInput(f"{file.name}, row {wrong.index[0] + 1} of {head!r} is no number: {wrong.iloc[0]!r}")
-    if np.isinf(values).any():
-        raise BadInput(
-            f"{file.name}, row {int(np.isinf(values).argmax()) + 1} of {head!r} is infinite: leave it empty"
-        )
-    return values
 
 
 def _check(table: Any, names: Sequence[str], forces: Sequence[str], element: parts.Element) -> None:

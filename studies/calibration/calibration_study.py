@@ -23,6 +23,7 @@ from studies.calibration import bench_file, calibrated_forces, calibration_file,
 from studies.calibration.bench_file import FORCES, MOTIONS, Bench
 from studies.calibration.sensor_fit import Fit, Sensor
 from studies.inputs.option_groups import Calibrating
+from studies.inputs.table_input import UNITS
 from studies.inputs.user_input import design_text, pairs, parse_numbers
 from studies.mechanics import surrogate_response
 from studies.output import page_templates
@@ -366,7 +367,7 @@ def mistaken(sensor: Sensor, measured: Array, warmer: Array, names: Sequence[str
             better[text] = sensor_fit.fit(sensor, other, warm, ROUGH).chi2
     for unit in ("mN", "g", "kg"):
         other = rows.copy()
-        other[:, k : k + 3] *= bench_file.UNITS["N"][unit]
+        other[:, k : k + 3] *= UNITS["N"][unit]
         better[f"the forces are in {unit} and not in N"] = sensor_fit.fit(sensor, other, warm, ROUGH).chi2
     best = min(better.values())
     if not BETTER * best < given:

@@ -26,7 +26,7 @@ from analytic.hall import field_at, rotated
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.messages import Progress
-from studies.calibration.bench_file import UNITS, numbers_of, read_texts, split_head
+from studies.inputs.table_input import UNITS, Measured, split_head
 from studies.output.figures import Figure, Look, picture, plot
 from studies.output.result import Result, Table
 
@@ -52,17 +52,17 @@ def read(file: Path) -> tuple[Array, Array]:
 
     Heads are x_mm, y_mm, z_mm (0 where a column is missing) and Bx_mT, By_mT, Bz_mT, in any unit.
     """
-    raw = read_texts(file)
+    raw = Measured(file)
     columns: dict[str, Any] = {}
-    for head in raw.columns:
+    for head in raw.heads:
         name, unit = split_head(head)
         name = name.lower()
         kind = "mm" if name in ("x", "y", "z") else "T" if name in ("bx", "by", "bz") else ""
         if kind and unit not in UNITS[kind]:
             raise BadInput(f"the column {head!r} needs a unit, one of {', '.join(UNITS[kind])}, as in {name}_{kind}")
         if kind:
-            columns[name] = numbers_of(file, head, raw[head]).to_numpy(dtype=float) * UNITS[kind][unit]
-    count = len(raw)
+            columns[name] = raw.numbers(head, holes=True) * UNITS[kind][unit]
+    count = len(raw.rows)
     if not any(name in columns for name in ("bx", "by", "bz")) or not any(name in columns for name in "xyz"):
         raise BadInput(f"{file.name} is no scan: its heads must be x_mm (y_mm, z_mm) and Bx_mT, By_mT, Bz_mT")
     position = np.stack([columns.get(name, np.zeros(count)) for name in "xyz"], axis=1)

@@ -1,4 +1,8 @@
-"""Readers of CSV tables, of JSON lines, and of solved states; the error of an unreadable file names file and line."""
+"""Readers of CSV tables, of JSON lines, and of solved states; the error of an unreadable file names file and line.
+
+`Measured` is a table of measurements, whose heads have their unit as a suffix (S1_V, time_s) or in brackets (F_x
+[N]): what a test stand, a tensile test, a scan or a recording leaves.
+"""
 
 from __future__ import annotations
 
@@ -6,12 +10,17 @@ import csv
 import io
 import json
 import math
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from geometry import design_digest
+from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Response
 from studies.inputs.user_input import text_of as text_of
@@ -19,6 +28,16 @@ from studies.output import console
 
 SEPARATORS = {";": "semicolons", "\t": "tabs", "|": "bars"}
 """Separators that spreadsheets and data loggers write between columns in place of commas."""
+UNITS: dict[str, dict[str, float]] = {
+    "V": {"V": 1.0, "mV": 1e-3},
+    "T": {"T": 1.0, "mT": 1e-3, "uT": 1e-6, "µT": 1e-6, "G": 1e-4},
+    "N": {"N": 1.0, "mN": 1e-3, "g": 9.80665e-3, "gf": 9.80665e-3, "kg": 9.80665},
+    "mm": {"mm": 1.0, "um": 1e-3, "µm": 1e-3, "m": 1e3},
+    "s": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0, "h": 3600.0},
+    "C": {"C": 1.0, "degC": 1.0, "°C": 1.0},
+    "MPa": {"MPa": 1.0, "kPa": 1e-3, "Pa": 1e-6},
+}
+"""Factors of the units that a head may name, by the unit of the values that are read."""
 Rows = list[tuple[int, list[str]]]
 """Number of each row's last line, from 1, and its cells as texts; a quoted cell may span several lines."""
 
@@ -85,6 +104,60 @@ def comma_remedy(cell: str) -> str:
     """
     pointed = number(cell.replace(",", ".")) if cell.count(",") == 1 else None
     return "" if pointed is None else ": write a point, no comma, before decimals"
+
+
+def split_head(head: str) -> tuple[str, str]:
+    """Return name and unit of a head.
+
+    >>> split_head("F_x [N]"), split_head("S1_mV"), split_head("S1")
+    (('F_x', 'N'), ('S1', 'mV'), ('S1', ''))
+    """
+    bracket = re.fullmatch(r"\s*(.*?)\s*[\[(]\s*(.*?)\s*[\])]\s*", head)
+    if bracket:
+        return bracket.group(1), bracket.group(2)
+    name, _, unit = head.strip().rpartition("_")
+    return (name, unit) if name else (unit, "")
+
+
+class Measured:
+    """A table of measurements: its heads with their line, and its rows, texts, with theirs.
+
+    `comments`: whether # begins a comment.
+    """
+
+    def __init__(self, path: str | Path, *, comments: bool = True) -> None:
+        self.path, self.rows = str(path), csv_rows(Path(path), comments=comments)
+        self.line, heads = self.rows.pop(0) if self.rows else (1, [])
+        self.heads = [head.strip() for head in heads]
+        self.where = f"{self.path!r}, line {self.line}"
+
+    def cells(self, head: str) -> list[str]:
+        """Return the texts of a column."""
+        k = self.heads.index(head)
+        for line, row in self.rows:
+            check_length(Path(self.path), line, self.heads, row)
+        return [row[k].strip() for _, row in self.rows]
+
+    def numbers(self, head: str, *, holes: bool = False) -> Array:
+        """Return the numbers of a column, shape (n,); with `holes` NaN for an empty cell, which is else refused."""
+        found = np.empty(len(self.rows))
+        for k, cell in enumerate(self.cells(head)):
+            value = number(cell or "nan" if holes else cell)
+            if value is None or not (math.isfinite(value) or (holes and math.isnan(value))):
+                raise BadInput(
+                    f"{self.path!r}, line {self.rows[k][0]}, column {head}: must be a finite number"
+                    f"{' or empty' if holes else ''}; got {cell!r:.40}{comma_remedy(cell)}"
+                )
+            found[k] = value
+        return found
+
+    def refuse(self, bad: NDArray[np.bool_], column: str, what: str, values: Array, after: str = "") -> None:
+        """Raise BadInput for the first value that is bad, shape (n,)."""
+        if bad.any():
+            k = int(np.argmax(bad))
+            raise BadInput(
+                f"{self.path!r}, line {self.rows[k][0]}, column {column}: {what}; got {values[k]:g}{after}"
+            )
 
 
 def json_objects(path: Path) -> Iterator[tuple[int, dict[str, Any]]]:

@@ -7,8 +7,10 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import gzip
 import math
 import re
+import zlib
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
@@ -190,7 +192,7 @@ def validated(name: str, table: Mapping[str, Any], kinds: Mapping[str, Any]) -> 
 
 
 def text_of(path: str | Path, kind: str, what: str = "file", close: str = "", more: str = "") -> str:
-    """Return the text of a UTF-8 file, without the byte order mark that editors may write.
+    """Return the text of a UTF-8 file, which may be packed (.gz), without the byte order mark that editors may write.
 
     Parameters
     ----------
@@ -198,14 +200,15 @@ def text_of(path: str | Path, kind: str, what: str = "file", close: str = "", mo
     what, close, more : what the path names, what may be meant, and a further remedy, for messages.
     """
     try:
-        return Path(path).read_bytes().decode("utf-8-sig")
+        data = Path(path).read_bytes()
+        return (gzip.decompress(data) if Path(path).suffix == ".gz" else data).decode("utf-8-sig")
     except FileNotFoundError:
         raise BadInput(f"there is no {what} {str(path)!r}: {close or f'check its path{more}'}") from None
     except IsADirectoryError:
         raise BadInput(f"{str(path)!r} is a folder: give a {kind} file{more}") from None
     except UnicodeDecodeError:
         raise BadInput(f"{str(path)!r} is not UTF-8 text: save it as a UTF-8 {kind} file") from None
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, EOFError, zlib.error) as error:
         cause = getattr(error, "strerror", None) or str(error)
         raise BadInput(f"{str(path)!r} cannot be read ({cause}): check its path and permissions") from None
 

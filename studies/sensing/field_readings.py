@@ -333,27 +333,13 @@ def read_rows(
     holes : read an empty cell or a NaN as NaN; default: refuse it.
     instead : for each option, the columns that it would read instead; a message suggests the option.
     """
-    rows = table_input.csv_rows(path)
-    if not rows:
+    table = table_input.Measured(path, comments=False)
+    if not table.heads:
         raise BadInput(f"{path} is empty: its first line must name the columns {','.join(wanted)}")
-    head = [name.strip() for name in rows.pop(0)[1]]
-    _check_head(path, head, wanted, added, instead or {})
-    table_input.check_rows(path, rows)
-    columns = [head.index(name) for name in wanted]
-    values = np.empty((len(rows), len(wanted)))
-    for k, (line, row) in enumerate(rows):
-        table_input.check_length(path, line, head, row)
-        for j, column in enumerate(columns):
-            cell = row[column]
-            value = table_input.number("nan" if holes and not cell.strip() else cell)
-            if value is None or not (math.isfinite(value) or (holes and math.isnan(value))):
-                unit = wanted[j].rpartition("_")[2]
-                raise BadInput(
-                    f"{path}, line {line}: {wanted[j]} must be a finite number of {unit}; got {cell!r}"
-                    f"{table_input.comma_remedy(cell)}"
-                )
-            values[k, j] = value
-    return head, [row for _, row in rows], values
+    _check_head(path, table.heads, wanted, added, instead or {})
+    table_input.check_rows(path, table.rows)
+    values = np.column_stack([table.numbers(name, holes=holes) for name in wanted])
+    return table.heads, [row for _, row in table.rows], values
 
 
 def _check_head(

@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -27,16 +26,15 @@ STRETCH = {"stretch": (0.0, 1.0), "strain": (1.0, 1.0), "strain_percent": (1.0, 
 """Columns of the deformation: stretch = first number + second number * value."""
 SAME_WORD = {"strain": "strain_percent", "strain_percent": "strain"}
 """Columns that are easily taken for each other: 0.1 and 10 are one strain."""
-UNITS = {"MPa": 1.0, "kPa": 1e-3, "Pa": 1e-6}
 
 
-def _in_units(*names: str) -> dict[str, float]:
-    return {f"{name}_{unit}": size for name in names for unit, size in UNITS.items()}
+def _in_units(*names: str, of: str = "MPa") -> dict[str, float]:
+    return {f"{name}_{unit}": size for name in names for unit, size in table_input.UNITS[of].items()}
 
 
 STRESS = _in_units("nominal_stress")
 """Columns of the force over the first cross-section, and their unit in MPa."""
-TIME = {"time_s": 1.0, "time_ms": 1e-3, "time_min": 60.0, "time_h": 3600.0}
+TIME = _in_units("time", of="s")
 FREQUENCY = {"frequency_Hz": 1.0, "angular_frequency_rad_per_s": 1 / (2 * math.pi)}
 RAMP = {"ramp_s": 1.0}
 MODULUS = _in_units("youngs_modulus", "shear_modulus")
@@ -118,25 +116,18 @@ class Test:
         return max(first, self.ramp or 0.0), last
 
 
-class _Table:
-    """A CSV file: its header with its line, and its rows with theirs."""
-
-    def __init__(self, path: str) -> None:
-        rows = table_input.csv_rows(Path(path), comments=True)
-        self.path = path
-        self.rows = [(line, [cell.strip() for cell in row]) for line, row in rows]
-        self.line, self.header = self.rows.pop(0) if self.rows else (1, [])
-        self.where = f"{path!r}, line {self.line}"
+class _Table(table_input.Measured):
+    """A test in a CSV file."""
 
     def column(self, wanted: Iterable[str]) -> str:
         """Return the only column with a wanted name."""
-        found = [name for name in self.header if name in wanted]
+        found = [name for name in self.heads if name in wanted]
         if len(found) == 1:
             return found[0]
         if found:
             raise BadInput(f"{self.where}: columns {' and '.join(found)} give the same quantity: keep one of them")
         # a column of another quantity is not taken for a misspelt one of this
-        for name in (name for name in self.header if name and name not in KNOWN):
+        for name in (name for name in self.heads if name and name not in KNOWN):
             if "%" in name and "strain" in wanted and name.casefold().startswith("strain"):
                 raise BadInput(f"{self.where}: there is no column {name!r}: did you mean strain_percent?")
             same = next((other for other in wanted if name.casefold() == other.casefold()), None)
@@ -145,7 +136,7 @@ class _Table:
                 raise BadInput(f"{self.where}: the name of column {name!r} has no unit: call it {' or '.join(units)}")
             if meant := same or closest(name, wanted):
                 raise BadInput(f"{self.where}: there is no column {name!r}: did you mean {meant}?")
-        got = ", ".join(filter(None, self.header))
+        got = ", ".join(filter(None, self.heads))
         raise BadInput(f"{self.where}: the header needs a column {' or '.join(wanted)}; got {got!r:.80}")
 
     def values(self, names: Mapping[str, float], fewest: int = FEWEST) -> tuple[str, Array]:
@@ -153,9 +144,9 @@ class _Table:
 
         A missing column is the first thing to say, and a missing row the second.
         """
-        if all(name in KNOWN for name in self.header) and not self.has(names):
+        if all(name in KNOWN for name in self.heads) and not self.has(names):
             raise BadInput(
-                f"{self.where}: the header needs a column {' or '.join(names)} besides {', '.join(self.header)}"
+                f"{self.where}: the header needs a column {' or '.join(names)} besides {', '.join(self.heads)}"
             )
         name = self.column(names)
         table_input.check_rows(self.path, self.rows)
@@ -163,29 +154,10 @@ class _Table:
             raise BadInput(
                 f"{self.path!r} has too few points ({len(self.rows)}): a fit of branches needs at least {fewest}"
             )
-        k = self.header.index(name)
-        return name, names[name] * np.array([self._number(line, row, k) for line, row in self.rows])
-
-    def _number(self, line: int, row: list[str], k: int) -> float:
-        table_input.check_length(Path(self.path), line, self.header, row)
-        value = table_input.number(row[k])
-        if value is None or not math.isfinite(value):
-            raise BadInput(
-                f"{self.path!r}, line {line}, column {self.header[k]}: must be a finite number; got {row[k]!r:.40}"
-                f"{table_input.comma_remedy(row[k])}"
-            )
-        return value
+        return name, names[name] * self.numbers(name)
 
     def has(self, names: Iterable[str]) -> bool:
-        return any(name in names for name in self.header)
-
-    def refuse(self, bad: NDArray[np.bool_], column: str, what: str, values: Array, after: str = "") -> None:
-        """Raise BadInput for the first value that is bad, shape (n,)."""
-        if bad.any():
-            k = int(np.argmax(bad))
-            raise BadInput(
-                f"{self.path!r}, line {self.rows[k][0]}, column {column}: {what}; got {values[k]:g}{after}"
-            )
+        return any(name in names for name in self.heads)
 
     def rising(self, names: Mapping[str, float], what: str) -> Array:
         """Return times or frequencies, which must be above 0 and rise."""
@@ -210,8 +182,8 @@ class _Table:
 def kind_of(path: str) -> Kind:
     """Return the kind of a test, by the first words in the names of its columns."""
     table = _Table(path)
-    rates = [name for name in table.header if name.casefold().startswith(("frequency", "angular_frequency"))]
-    times = [name for name in table.header if name.casefold().startswith("time")]
+    rates = [name for name in table.heads if name.casefold().startswith(("frequency", "angular_frequency"))]
+    times = [name for name in table.heads if name.casefold().startswith("time")]
     if rates and times:
         raise BadInput(
             f"{table.where}: columns {times[0]} and {rates[0]} belong to a relaxation test and a dynamic test: keep "
@@ -226,7 +198,7 @@ def kind_of(path: str) -> Kind:
 def read_specimen(path: str) -> Specimen:
     """Read the uniaxial test in a CSV file: one column of `STRETCH` and one of `STRESS`."""
     table = _Table(path)
-    if not table.header:
+    if not table.heads:
         raise BadInput(f"{path!r} is empty: give a header, such as stretch,nominal_stress_MPa, and points")
     along, across = table.column(STRETCH), table.column(STRESS)
     offset, factor = STRETCH[along]

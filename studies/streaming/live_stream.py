@@ -30,8 +30,8 @@ from analytic.stream import Stream
 from analytic.time_series import RelaxingForce
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
-from studies.calibration.bench_file import UNITS
 from studies.inputs.option_groups import Decoding, Streaming
+from studies.inputs.table_input import UNITS
 from studies.inputs.user_input import parse_numbers
 from studies.output import atomic_files, text_tables
 from studies.output.result import Result
