@@ -19,14 +19,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analytic.parts import Element, of_design
+from analytic.parts import of_design
 from geometry.arrays import Array, Ints
 from geometry.base import EDGE, Base, plan
 from geometry.design import LEAST_WALL, BadInput, Design
 from geometry.fabrication.hall_elements import SS495A, WEB
 from geometry.fabrication.printability import PROCESSES
 from geometry.hall_chips import CIRCLES, least_radius
-from studies.mechanics import surrogate_range
+from studies.mechanics import prediction, surrogate_range
 from studies.sizing.catalogues import Catalogues, HallPartEntry, MagnetEntry, SiliconeEntry
 from studies.sizing.requirements import Requirements
 
@@ -36,8 +36,6 @@ USUAL_D = (1.0, 30.0)
 """Range of the diameter where the requirements have none, mm."""
 FARTHEST, LEVEL = 0.8, (-0.5, 0.8)
 """How much farther than necessary the elements lie at most, over D; and the height of S2 and S3 over the magnet's."""
-LENGTHS = ("D", "L", "below", "aside", "level")
-"""Columns of the lengths of a candidate, mm."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,25 +65,6 @@ class Variant:
         }
 
 
-@dataclass(frozen=True, slots=True)
-class Seat:
-    """What a Hall part asks of the base, mm: its element, the height of its roof above the plate, its reach along x
-    and y, and the height of its Hall plate above the underside of the base; and the number of chips."""
-
-    three: bool
-    count: int
-    element: Element
-    roof: float
-    reach: tuple[float, float]
-    plate: float
-
-    @property
-    def circle(self) -> float:
-        """Least radius of the chips' circle on the grid of the lengths."""
-        along, across = (2 * reach + WEB for reach in self.reach)
-        return math.ceil(least_radius(self.count, along, across) / ROUNDING - 1e-6) * ROUNDING
-
-
 class Space:
     """All candidates with some of the Hall parts: parts as columns, and the ranges of the lengths.
 
@@ -105,19 +84,12 @@ class Space:
         self.choices = [(0, len(parts.magnets)), (0, len(parts.silicones)), last]
         self.process = PROCESSES[requirements.process]
         self.fit = self.process.fit / 2
-        self.seats = [_seat(part, requirements) for part in parts.hall_parts]
-        self.three = np.array([seat.three for seat in self.seats])
-        self.count = np.array([seat.count for seat in self.seats])
-        self.elements = {
-            name: np.array([getattr(seat.element, name) for seat in self.seats])
-            for name in ("gain", "null", "low", "high", "noise_T", "plate")
-        }
-        drifts = [np.nan if part.gain_drift is None else part.gain_drift for part in parts.hall_parts]
-        self.elements["gain_drift"] = np.array(drifts)
+        seats = [_seat(part, requirements) for part in parts.hall_parts]
+        self.hall_parts = {name: np.array([seat[name] for seat in seats]) for name in seats[0]}
         names = ("diameter", "height", "edge_radius", "density", "remanence_low", "remanence_high")
         self.magnets = {name: np.array([getattr(each, name) for each in parts.magnets]) for name in names}
-        kinds = ("E_low", "E_high", "density", "nu", "loss_factor")
-        self.silicones = {name: np.array([getattr(each, name) for each in parts.silicones]) for name in kinds}
+        names = ("E_low", "E_high", "density", "nu", "loss_factor")
+        self.silicones = {name: np.array([getattr(each, name) for each in parts.silicones]) for name in names}
         self.low = USUAL_D[0] if requirements.D_low is None else requirements.D_low
         self.high = USUAL_D[1] if requirements.D_high is None else requirements.D_high
         self.high = min(self.high, requirements.outer_size or np.inf)
@@ -156,7 +128,7 @@ class Space:
         """Return the candidates of the nearest printable lengths (n, 5)."""
         grid = np.round(lengths / ROUNDING)
         grid[:, 2:4] = np.maximum(grid[:, 2:4], 0)
-        three, several = self.three[choices[:, 2]], self.count[choices[:, 2]] > 1
+        three, several = self.hall_parts["three"][choices[:, 2]], self.hall_parts["count"][choices[:, 2]] > 1
         grid[~(three | several), 3] = 0
         grid[~three, 4] = 0
         return Candidates(
@@ -171,7 +143,7 @@ class Candidates:
     Attributes
     ----------
     choices : indices of magnet, silicone and Hall part, shape (n, 3).
-    lengths : `LENGTHS`, shape (n, 5), mm.
+    lengths : D, L and the three places of the elements, see the module, shape (n, 5), mm.
     share : shares of the required forces in z and in x at which each candidate is rated, shape (n, 2).
     """
 
@@ -193,20 +165,13 @@ class Candidates:
     def silicone(self, name: str) -> Array:
         return self.space.silicones[name][self.choices[:, 1]]
 
-    def element(self, name: str) -> Array:
-        return self.space.elements[name][self.choices[:, 2]]
+    def hall_part(self, name: str) -> Array:
+        """Return what the Hall parts of the candidates have, see `_seat`, shape (n,)."""
+        return self.space.hall_parts[name][self.choices[:, 2]]
 
     @property
     def three(self) -> NDArray[np.bool_]:
-        return self.space.three[self.choices[:, 2]]
-
-    def _seat(self, name: str) -> Array:
-        return np.array([getattr(seat, name) for seat in self.space.seats], dtype=float)[self.choices[:, 2]]
-
-    @property
-    def count(self) -> Ints:
-        """Number of chips, 1 of one-axis parts, shape (n,)."""
-        return self.space.count[self.choices[:, 2]]
+        return np.asarray(self.hall_part("three"))
 
     @property
     def D(self) -> Array:
@@ -224,7 +189,7 @@ class Candidates:
         """Return l0, f and c of each candidate, shape (n,), mm; of chips, f is the radius of their circle, and c has
         no meaning."""
         fit, part = self.space.fit, SS495A
-        roof = self._seat("roof")
+        roof = self.hall_part("roof")
         least = np.round(_raised(self.H + roof + WEB), 9)
         # the base compares without a tolerance
         least = np.where(self.H - least + roof > -WEB, least + ROUNDING, least)
@@ -234,13 +199,13 @@ class Candidates:
         )
         least = np.round(_raised(beside + part.depth + fit), 9)
         least = np.where(least - part.depth - fit < beside, least + ROUNDING, least)
-        f = np.where(self.three, least, self._seat("circle")) + self.lengths[:, 3]
+        f = np.where(self.three, least, self.hall_part("circle")) + self.lengths[:, 3]
         return tuple(np.round(each, 9) for each in (l0, f, l0 - self.H + self.lengths[:, 4]))  # type: ignore[return-value]
 
     def circle(self) -> Array:
         """Return the places of the chips along x and y, shape (c, 2, n), mm, 0 for S1; where there are fewer than c,
         the first one is repeated."""
-        radius, count = np.where(self.three, 0.0, self.places()[1]), self.count
+        radius, count = np.where(self.three, 0.0, self.places()[1]), self.hall_part("count")
         at = np.zeros((count.max(initial=1), 2, len(self)))
         for k in range(len(at)):
             for number, places in CIRCLES.items():
@@ -248,27 +213,21 @@ class Candidates:
                 at[k][:, rows] = np.array(places[k if k < number else 0])[:, None] * radius[rows]
         return at
 
+    def beams(self) -> prediction.Beams:
+        """Return the surrogate's answers for the beams."""
+        lengths = (self.L, self.magnet("diameter"), self.magnet("height"))
+        L, diameter, height = (each / self.D for each in lengths)
+        return prediction.beams(L, diameter, height, self.silicone("nu"), self.magnet("edge_radius") / self.D)
+
     def outside(self) -> NDArray[Any]:
         """Return why each candidate is impossible, or outside the surrogate's range; "" where it is neither."""
-        m, r = self.magnet, surrogate_range
-        d, h, edge = m("diameter"), m("height"), m("edge_radius")
-        D, L = self.D, self.L
-        least = np.minimum(d, h)
-        wall = r.wall(L / D, d / D, h / D, edge / least)
-        reasons = np.full(len(self), "", dtype=object)
-        for text, value, (low, high) in (
-            ("silicone around the magnet of", wall, (np.maximum(r.LEAST_WALL, LEAST_WALL / D), np.inf)),
-            ("silicone below the magnet of", r.below(L / D, h / D), (r.LEAST_BELOW, np.inf)),
-            ("the radius of the magnet's edges over its smaller side", edge / least, r.EDGE),
-            ("nu", self.silicone("nu"), r.POISSON),
-            ("magnet_height/D", h / D, r.HEIGHT),
-            ("magnet_diameter/D", d / D, r.DIAMETER),
-            ("L/D", L / D, r.LENGTH),
-            ("D in mm", D, (self.space.low, self.space.high)),
-        ):
-            for k in np.flatnonzero(~((value >= low - 1e-9) & (value <= high + 1e-9))):
-                bound = f"within {np.max(low):g} and {high:.4g}" if np.isfinite(high) else f"at least {np.max(low):g}"
-                reasons[k] = f"the surrogate knows beams with {text} {bound}; got {value[k]:.4g}"
+        beams, low, high = self.beams(), self.space.low, self.space.high
+        wall = self.D * surrogate_range.wall(beams.L, beams.diameter, beams.height, beams.edge)
+        reasons = beams.outside.copy()
+        for k in np.flatnonzero((wall < LEAST_WALL - 1e-9) & (reasons == "")):
+            reasons[k] = f"the silicone around the magnet must be at least {LEAST_WALL:g} mm thick; got {wall[k]:.4g}"
+        for k in np.flatnonzero(~((self.D >= low - 1e-9) & (self.D <= high + 1e-9))):
+            reasons[k] = f"D must lie within {low:g} and {high:.4g} mm; got {self.D[k]:.4g}"
         return reasons
 
     def sizes(self) -> tuple[Array, Array, Array]:
@@ -281,7 +240,8 @@ class Candidates:
         half = part.width / 2 + fit + np.where(post, wall, 0.0)
         far = f - part.depth + part.thickness + fit + np.where(post, wall, 0.0)
         # the seat of S1, or of each chip on the circle
-        x, y = self._seat("reach").T[:, None] + np.abs(np.moveaxis(self.circle(), 1, 0))
+        places = np.abs(np.moveaxis(self.circle(), 1, 0))
+        x, y = self.hall_part("reach_x") + places[0], self.hall_part("reach_y") + places[1]
         R, hole = self.D / 2, 0.0 if choices.is_round else 1.1
         if choices.is_round:
             reach = np.maximum(np.hypot(x, y).max(axis=0), np.where(three, np.hypot(far, half), 0.0))
@@ -293,8 +253,8 @@ class Candidates:
         one_axis = np.maximum.reduce(
             [np.full(len(self), 3.0), part.thickness - part.depth - s1, part.height / 2 - level + WEB]
         )
-        thickness = np.where(three, one_axis, self._seat("plate") - s1)
-        roof = s1 + self._seat("roof") - fit
+        thickness = np.where(three, one_axis, self.hall_part("above_underside") - s1)
+        roof = s1 + self.hall_part("roof") - fit
         top = np.maximum(roof, np.where(three, level + part.height / 2, -np.inf))
         height = np.maximum.reduce([self.L, top, np.full(len(self), 0.4 if choices.is_round else 0.0)]) + thickness
         printed = np.minimum(self.magnet("diameter"), process.wall)
@@ -340,16 +300,30 @@ def part_fields(part: HallPartEntry, requirements: Requirements) -> dict[str, An
 
 
 @functools.cache
-def _seat(part: HallPartEntry, requirements: Requirements) -> Seat:
-    """Return the seat of a Hall part, read from the plan of a base that is deep enough for any part."""
+def _seat(part: HallPartEntry, requirements: Requirements) -> dict[str, float]:
+    """Return what a Hall part is and asks of the base, read from the plan of one that is deep enough for any part.
+
+    Figures of its element; the height of its roof above the Hall plate, and that of this above the underside of the
+    base; its reach along x and y; and the least radius of the chips' circle on the grid of the lengths, mm.
+    """
     one = dataclasses.replace(part, count=1)
     design = Design(D=20.0, L=20.0, l0=40.0, f=40.0, c=20.0, **part_fields(one, requirements))
     made = plan(design, Base(shape=requirements.outer_shape), requirements.process)
     (body, *_), z = made.seats.bodies.values(), design.H - design.l0
     element = of_design(design)[0]
-    roof = body.corner[2] + body.sides[2] - z
-    reach = tuple(max(-body.corner[k], body.corner[k] + body.sides[k]) for k in (0, 1))
-    return Seat(part.layout == "three", part.count, element, roof, (reach[0], reach[1]), made.thickness + z)
+    x, y = (max(-body.corner[k], body.corner[k] + body.sides[k]) for k in (0, 1))
+    radius = least_radius(part.count, 2 * x + WEB, 2 * y + WEB)
+    return {
+        "three": part.layout == "three",
+        "count": part.count,
+        "gain_drift": np.nan if part.gain_drift is None else part.gain_drift,
+        **{name: getattr(element, name) for name in ("gain", "null", "low", "high", "noise_T", "plate")},
+        "roof": body.corner[2] + body.sides[2] - z,
+        "above_underside": made.thickness + z,
+        "reach_x": x,
+        "reach_y": y,
+        "circle": math.ceil(radius / ROUNDING - 1e-6) * ROUNDING,
+    }
 
 
 def _raised(value: Array) -> Array:

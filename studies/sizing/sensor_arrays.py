@@ -99,16 +99,16 @@ def sensors_of(candidates: Candidates) -> Sensors:
         at[:, k, 2] = np.where(c.three, level, -l0)
     axes = AXES * len(circle)
     owners, spread = np.arange(len(axes), dtype=np.int64), np.zeros((len(axes), 3))
-    plate = c.element("plate")[:, None, None]
+    plate = c.hall_part("plate")[:, None, None]
     if plate.any():
         unit = [Element("", (0.0, 0.0, 0.0), axis, 1.0, 0.0, -1.0, 1.0, plate=1.0) for axis in axes]
         spread, owners = plates_of(unit)
     points = at[:, owners] + spread * plate
     # a sensor with fewer chips than others has elements that say nothing
-    real = np.repeat(np.arange(len(circle)) < c.count[:, None], 3, axis=1)
-    values = {name: c.element(name)[:, None] * np.ones(real.shape) for name in ("gain", "null")}
+    real = np.repeat(np.arange(len(circle)) < c.hall_part("count")[:, None], 3, axis=1)
+    values = {name: c.hall_part(name)[:, None] * np.ones(real.shape) for name in ("gain", "null")}
     values |= {
-        name: np.where(real, c.element(name)[:, None], end) for name, end in (("low", -ABSENT), ("high", ABSENT))
+        name: np.where(real, c.hall_part(name)[:, None], end) for name, end in (("low", -ABSENT), ("high", ABSENT))
     }
     values |= {name: c.silicone(name) for name in ("E_low", "E_high", "density")}
     values |= dict(zip(("size", "height", "wall"), c.sizes(), strict=True))
@@ -124,8 +124,8 @@ def sensors_of(candidates: Candidates) -> Sensors:
         normals=np.broadcast_to(np.array(axes)[owners], points.shape),
         owners=owners,
         **values,
-        noise=np.where(real, c.element("noise_T")[:, None], np.inf),
-        drift=c.element("gain_drift"),
+        noise=np.where(real, c.hall_part("noise_T")[:, None], np.inf),
+        drift=c.hall_part("gain_drift"),
         loss=c.silicone("loss_factor"),
         beside=np.where(c.three[:, None], np.column_stack([f - SS495A.depth, c.lengths[:, 4]]), np.nan),
     )

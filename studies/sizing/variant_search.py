@@ -406,8 +406,9 @@ def searched(
     ratings = [Rating(needed, free) for _ in kinds]
     for number, space in enumerate(kinds):
         first = space.choices[2][0]
-        several = f"{space.count[first]} 3-axis chips" if space.count[first] > 1 else "3-axis chips"
-        kind = "one-axis parts" if space.three[first] else several
+        part_used = space.parts.hall_parts[first]
+        several = f"{part_used.count} 3-axis chips" if part_used.count > 1 else "3-axis chips"
+        kind = "one-axis parts" if part_used.layout == "three" else several
         part = progress and part_of(progress, number / len(kinds), (number + 1) / len(kinds), f"{kind}: ")
         found.append(search(space, ratings[number], effort, part, first_met=first_met))
         if first_met and found[-1].violation.min() == 0:
