@@ -22,7 +22,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -106,17 +106,11 @@ class Performance:
         return {name: float(value[k]) for name, value in self.values.items()}
 
 
-class _Poses(NamedTuple):
-    """Where the loads of a pose stand in the states: its state, and the direction of its force along the plate."""
-
-    state: Ints
-    angle: Array
-
-
-def _poses(loads: Array, sensors: Sensors) -> _Poses:
+def _poses(loads: Array, sensors: Sensors) -> tuple[Ints, Array]:
+    """Return the load of each pose, and the direction of its force along the plate."""
     turns = [HALF_TURN if sensors.mirrored else WHOLE_TURN, np.zeros(1)]
     angles = [turns[int(load[1] == 0)] for load in loads]
-    return _Poses(np.repeat(np.arange(len(loads)), list(map(len, angles))), np.concatenate(angles))
+    return np.repeat(np.arange(len(loads)), list(map(len, angles))), np.concatenate(angles)
 
 
 def performance(
@@ -145,37 +139,32 @@ def performance(
     share = np.ones((n, 2)) if share is None else share
     loads = needed.loads(dense=dense)
     poses = _poses(loads, sensors)
-    p, units = len(poses.state), np.stack([each * sensors.D**2 for each in (sensors.E_low, sensors.E_high)], axis=1)
+    p, units = len(poses[0]), np.stack([each * sensors.D**2 for each in (sensors.E_low, sensors.E_high)], axis=1)
     deepest = surrogate_range.deepest(*sensors.beam[:, :3].T) if ask is None else ask[:, 0]
     pressed, stable = pressed_curves(beams, deepest), beams.stable_to(caution)
-    soft = pressed.softer(caution)
     known = np.fmin(np.nan_to_num(stable, nan=0.0), deepest)
+    part = _Rated(
+        sensors, pressed, known, stable, units, share, needed, loads, *poses, caution, limit is not None
+    )  # fmt: skip
+    top = part.top_force(pressed.softer(caution), known)
     values = {name: np.full(n, np.nan) for name in FIGURES}
-    top = soft.pressed(np.maximum(known, surrogate_range.SHALLOWEST)[:, None])[0][:, 0, 0] * units[:, 0]
-    values["reach"] = top / (share[:, 0] * needed.force_z)
-    values |= {"stable_to": stable, "critical": _critical(beams, caution), "outer_size": sensors.size}
-    values |= {"height": sensors.height, "wall": sensors.wall}
+    values |= {"reach": top / (share[:, 0] * needed.force_z), "stable_to": stable, "outer_size": sensors.size}
+    values |= {"critical": _critical(beams, caution), "height": sensors.height, "wall": sensors.wall}
     if needed.first_mode is not None or dense:
         unit = np.sqrt(sensors.E_low / sensors.density) / sensors.D
         mode = beams.first_mode(sensors.magnet_density / sensors.density)
         values["first_mode"] = (mode.value - caution * mode.half_width) * unit
-    worst = {name: np.full(n, -1) for name in WORST}
-    unknown = np.full((2, n, 2 * p), np.nan)
-    result = Performance(
-        values, {}, np.repeat([0, 1], p), np.full((n, 2 * p, 3), np.nan), worst,
-        unknown[0], unknown[1], np.full((n, 3 + SOLVED_DEPTHS), np.nan),
-    )  # fmt: skip
+    depth, shear, moved = np.full((n, 2 * p), np.nan), np.full((n, 2 * p), np.nan), np.full((n, 2 * p, 3), np.nan)
+    worst, asked = {name: np.full(n, -1) for name in WORST}, np.full((n, 3 + SOLVED_DEPTHS), np.nan)
+    result = Performance(values, {}, np.repeat([0, 1], p), moved, worst, depth, shear, asked)
     rows = np.flatnonzero(values["reach"] >= 1)
-    if len(rows):
-        part = _Rated(
-            sensors.take(rows), pressed.take(rows), known[rows], stable[rows], units[rows], share[rows], needed,
-            loads, poses, caution, limit is not None,
-        )  # fmt: skip
-        if limit is not None:
-            part.fill_pressed(result, rows)
-            known = {name: np.where(m > LEAST, m, 0.0)[rows] for name, m in margins(values, needed).items()}
-            kept = np.flatnonzero(missed(known) <= limit)
-            part, rows = replace(part.take(kept), pressed=part.pressed.take(kept)), rows[kept]
+    part = part.take(rows)
+    if len(rows) and limit is not None:
+        for name, value in part.of_presses().items():
+            values[name][rows] = value
+        met = {name: np.where(m > LEAST, m, 0.0)[rows] for name, m in margins(values, needed).items()}
+        kept = np.flatnonzero(missed(met) <= limit)
+        part, rows = part.take(kept), rows[kept]
     if len(rows):
         part.fill(result, rows, beams if len(rows) == n else beams.take(rows), None if ask is None else ask[rows])
     return replace(result, margins=margins(values, needed))
@@ -207,18 +196,24 @@ class _Rated:
     share: Array
     needed: Requirements
     loads: Array
-    poses: _Poses
+    load: Ints
+    angle: Array
     caution: float
     brief: bool
 
     def take(self, rows: Ints) -> _Rated:
-        """Return some of the sensors; their curves under a press stay those of all."""
+        """Return some of the sensors."""
         parts = {name: getattr(self, name)[rows] for name in ("known", "stable", "units", "share")}
-        return replace(self, sensors=self.sensors.take(rows), **parts)
+        return replace(self, sensors=self.sensors.take(rows), pressed=self.pressed.take(rows), **parts)
 
-    def fill_pressed(self, result: Performance, rows: Ints) -> None:
-        """Write what presses alone say of strain, saturation, depth and hysteresis of these rows."""
-        s, strain, saturation = self.sensors, [], []
+    def top_force(self, soft: Curves, depth: Array) -> Array:
+        """Return the normal forces of presses to the largest depths over D (n,), at the least E, N."""
+        force = soft.pressed(np.maximum(depth, surrogate_range.SHALLOWEST)[:, None])[0][:, 0, 0]
+        return np.asarray(force * self.units[:, 0])
+
+    def of_presses(self) -> dict[str, Array]:
+        """Return what presses alone say of strain, saturation, depth and hysteresis."""
+        s, strain, saturation, depths = self.sensors, [], [], []
         z = self.share[:, :1] * self.loads[self.loads[:, 1] == 0, 0]
         for k, way in enumerate((1, -1)):
             curve = self.pressed.softer(way * self.caution, sheared=False)
@@ -231,11 +226,9 @@ class _Rated:
             )
             saturation.append(np.where(np.isnan(depth), np.nan, self._saturation(field)).min(axis=1))
             strain.append(press[..., 2].max(axis=1))
-            np.put(result.values["depth_stiff" if k else "depth"], rows, depth[:, -1])
-            if not k:
-                np.put(result.values["hysteresis"], rows, self._hysteresis(depth[:, -1]))
-        np.put(result.values["strain"], rows, np.max(strain, axis=0))
-        np.put(result.values["saturation"], rows, np.min(saturation, axis=0))
+            depths.append(depth[:, -1])
+        found = {"strain": np.max(strain, axis=0), "saturation": np.min(saturation, axis=0)}
+        return found | {"depth": depths[0], "depth_stiff": depths[1], "hysteresis": self._hysteresis(depths[0])}
 
     def fill(self, result: Performance, rows: Ints, beams: Any, ask: Array | None) -> None:
         """Write the figures of these rows."""
@@ -243,42 +236,34 @@ class _Rated:
         curve = self._with_shears(beams, ask, sheared)
         corners = [curve.softer(way * self.caution, sheared=sheared) for way in (1, -1)]
         states = [self._states(corner, k, 1.0) for k, corner in enumerate(corners)]
-
-        def put(name: str, value: Array) -> None:
-            np.put(result.values[name], rows, value)
-
         top = int(np.flatnonzero(self.loads[:, 1] == 0)[-1])
-        put("depth", states[0].depth[:, top])
-        put("depth_stiff", states[1].depth[:, top])
-        put("hysteresis", self._hysteresis(states[0].depth[:, top]))
+        soft, stiff = (state.depth[:, top] for state in states)
+        values = {"depth": soft, "depth_stiff": stiff, "hysteresis": self._hysteresis(soft)}
         field, slopes = self._readings(states)
-        signed = self._saturation(field)
-        found = {"strain": (self._at(states, "strain"), 1), "saturation": (signed, -1)}
+        found = {"strain": (self._at(states, "strain"), 1), "saturation": (self._saturation(field), -1)}
         found |= self._resolutions(states, slopes, field)
-        values_at = {name: self._over_corners(table, way) for name, (table, way) in found.items()}
         for name, (table, way) in found.items():
-            put(name, values_at[name])
+            values[name] = self._over_corners(table, way)
             at = np.argmax(way * np.where(np.isnan(table), -np.inf * way, table), axis=1)
-            np.put(result.worst[name], rows, np.where(np.isnan(values_at[name]), -1, at))
+            result.worst[name][rows] = np.where(np.isnan(values[name]), -1, at)
         if self.needed.unique_decoding:
-            apart, at = self._distinct(field)
-            put("distinct", apart)
-            np.put(result.worst["distinct"], rows, at)
-        put("clearance", self._clearance(states[0]))
-        put("reach_x", self._reach_x(corners, states))
+            values["distinct"], result.worst["distinct"][rows] = self._distinct(field)
+        values |= {"clearance": self._clearance(states[0]), "reach_x": self._reach_x(corners, states)}
+        for name, value in values.items():
+            result.values[name][rows] = value
         z, x = self._forces(1.0)
         result.depth[rows], result.shear[rows] = (self._at(states, name) for name in ("depth", "shear"))
         for k, part in enumerate((z, x)):
-            result.loads[rows, :, k] = np.tile(part[:, self.poses.state], 2)
-        result.loads[rows, :, 2] = np.tile(self.poses.angle, 2)
+            result.loads[rows, :, k] = np.tile(part[:, self.load], 2)
+        result.loads[rows, :, 2] = np.tile(self.angle, 2)
         wanted = np.ones(len(rows), dtype=np.bool_)
         if self.brief:
             met = margins({name: value[rows] for name, value in result.values.items()}, self.needed)
             wanted = np.min(list(met.values()), axis=0) >= 0
-        factor, deep = self._range(corners[0], values_at["strain"], values_at["saturation"], wanted)
-        put("range_z", factor * self.share[:, 0] * self.needed.force_z)
+        factor, deep = self._range(corners[0], values["strain"], values["saturation"], wanted)
+        result.values["range_z"][rows] = factor * self.share[:, 0] * self.needed.force_z
         if sheared:
-            put("range_x", factor * self.share[:, 1] * (self.needed.force_x or 0.0))
+            result.values["range_x"][rows] = factor * self.share[:, 1] * (self.needed.force_x or 0.0)
         if not self.brief:
             result.ask[rows] = self._ask(corners, states, factor, deep, sheared)
 
@@ -292,7 +277,7 @@ class _Rated:
         return np.asarray(way * (signed.max(axis=1) if self.caution >= 0 else signed.min(axis=1)))
 
     def _at(self, states: Sequence[States], name: str) -> Array:
-        return np.concatenate([getattr(each, name)[:, self.poses.state] for each in states], axis=1)
+        return np.concatenate([getattr(each, name)[:, self.load] for each in states], axis=1)
 
     def _forces(self, factor: Array | float) -> tuple[Array, Array]:
         """Return normal force and force along the plate of all loads times a factor (n,), shape (n, k), N."""
@@ -328,7 +313,7 @@ class _Rated:
         The slopes along the depth, the shear and across it have the shape (n, p, 3, 3), in 1/mm.
         """
         s, D = self.sensors, self.sensors.D[:, None]
-        angle = np.tile(self.poses.angle, len(states))
+        angle = np.tile(self.angle, len(states))
         e = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
         across = np.stack([-e[:, 1], e[:, 0], e[:, 2]], axis=1)
         up = np.array([0.0, 0.0, 1.0])
@@ -395,7 +380,7 @@ class _Rated:
         scaled = np.where(length > 0, det / np.where(length > 0, length, 1.0), det * 0)
         turned = scaled * np.sign(np.median(scaled, axis=1, keepdims=True))
         by_depth, by_shear, plane, shear = (self._at(states, n) for n in ("by_depth", "by_shear", "plane", "shear"))
-        p = len(self.poses.state)
+        p = len(self.load)
         unit = np.repeat(self.units, p, axis=1) / s.D[:, None]
         aside = np.where(shear > 0, plane[..., 3] / np.where(shear > 0, shear, 1.0), by_shear[..., 3])
 
@@ -415,7 +400,7 @@ class _Rated:
                 )
             return noise, change * of_drift / full_scale
 
-        angle = np.tile(self.poses.angle, 2)
+        angle = np.tile(self.angle, 2)
         cos, sin = np.cos(angle), np.sin(angle)
         force_x = np.nan if self.needed.force_x is None else self.needed.force_x
         full_z, full_x = (self.share * [self.needed.force_z, force_x]).T[..., None]
@@ -429,13 +414,13 @@ class _Rated:
 
     def _distinct(self, field: Array) -> tuple[Array, Ints]:
         """Return the least distance of the readings of two loads of one sensor, and one of the two poses."""
-        s, p = self.sensors, len(self.poses.state)
+        s, p = self.sensors, len(self.load)
         values = (field * (s.remanence[:, 0, None, None] / s.noise[:, None])).reshape(len(field), 2, p, -1)
         seen = np.arange(p)
         if s.mirrored:
             # the other half of the directions: x and y change places
-            off = np.flatnonzero(np.abs(np.sin(self.poses.angle - np.pi / 4)) > 1e-9)
-            off = off[self.loads[self.poses.state[off], 1] > 0]
+            off = np.flatnonzero(np.abs(np.sin(self.angle - np.pi / 4)) > 1e-9)
+            off = off[self.loads[self.load[off], 1] > 0]
             values, seen = (
                 np.concatenate([values, values[:, :, off][..., [0, 2, 1]]], axis=2),
                 np.concatenate([seen, off]),
@@ -460,9 +445,9 @@ class _Rated:
         rows = np.flatnonzero(~np.isnan(s.beside[:, 0]))
         if len(rows):
             D, H = s.D[rows, None], (s.L - s.D / 2)[rows, None]
-            near = np.cos(self.poses.angle) > 0.5
-            at = state.plane[rows][:, self.poses.state[near]]
-            u, angle = at[..., 0] * D, self.poses.angle[near]
+            near = np.cos(self.angle) > 0.5
+            at = state.plane[rows][:, self.load[near]]
+            u, angle = at[..., 0] * D, self.angle[near]
             centre = np.stack([u * np.cos(angle), u * np.sin(angle), H - at[..., 1] * D], axis=-1)
             face, level = s.beside[rows].T[..., None]
             point = np.stack([face + SS495A.depth, 0 * face, level], axis=-1)
@@ -495,7 +480,7 @@ class _Rated:
         """
         needed = self.needed
         stable = np.minimum(self.known, self.stable / needed.stability_margin)
-        top = soft.pressed(np.maximum(stable, surrogate_range.SHALLOWEST)[:, None])[0][:, 0, 0] * self.units[:, 0]
+        top = self.top_force(soft, stable)
         most = np.minimum(top / (self.share[:, 0] * needed.force_z), needed.range_cap or np.inf)
         factor = np.where(np.isnan(strain), np.nan, 0.0)
         good = (strain <= (needed.largest_strain or np.inf)) & ~(needed.no_saturation & (saturation < 0))
@@ -506,29 +491,28 @@ class _Rated:
             return factor, deep
         # of the presses alone, the largest one comes first to a bound
         ends = self.loads[int(np.flatnonzero(self.loads[:, 1] == 0)[-1]) :]
-        part = replace(self.take(rows), loads=ends, poses=_poses(ends, self.sensors))
+        load, angle = _poses(ends, self.sensors)
+        part = replace(self.take(rows), loads=ends, load=load, angle=angle)
         curve, top_factor = soft.take(rows), most[rows]
         low, low_slack = np.ones(len(rows)), np.full(len(rows), np.nan)
         high, high_slack = np.full(len(rows), np.nan), np.full(len(rows), np.nan)
+
+        def narrow(at: Ints, trial: Array) -> None:
+            slack, _ = part.take(at)._slack(curve.take(at), trial)
+            good = slack >= 0
+            low[at], low_slack[at] = np.where(good, trial, low[at]), np.where(good, slack, low_slack[at])
+            high[at], high_slack[at] = np.where(good, high[at], trial), np.where(good, high_slack[at], slack)
+
         for share in SCAN:
             left = np.flatnonzero(np.isnan(high))
-            if not len(left):
-                break
-            trial = 1 + share * (top_factor[left] - 1)
-            slack, _ = part.take(left)._slack(curve.take(left), trial)
-            good = slack >= 0
-            low[left], low_slack[left] = np.where(good, trial, low[left]), np.where(good, slack, low_slack[left])
-            high[left], high_slack[left] = np.where(good, np.nan, trial), np.where(good, np.nan, slack)
+            if len(left):
+                narrow(left, 1 + share * (top_factor[left] - 1))
         open_ = np.flatnonzero(~np.isnan(high))
         for _ in range(REFINED if len(open_) else 0):
             a, b, fa, fb = low[open_], high[open_], low_slack[open_], high_slack[open_]
             known = np.isfinite(fa) & np.isfinite(fb) & (fa > fb)
             at = np.where(known, np.clip(fa / np.where(known, fa - fb, 1.0), 0.1, 0.9), 0.5)
-            trial = a + at * (b - a)
-            slack, _ = part.take(open_)._slack(curve.take(open_), trial)
-            good = slack >= 0
-            low[open_], low_slack[open_] = np.where(good, trial, a), np.where(good, slack, fa)
-            high[open_], high_slack[open_] = np.where(good, b, trial), np.where(good, fb, slack)
+            narrow(open_, a + at * (b - a))
         # between the ends that are left the slack is nearly linear; without a slack at the upper one nothing is known
         linear = np.isfinite(high_slack) & np.isfinite(high) & (low_slack > high_slack)
         low = np.where(linear, low + (high - low) * low_slack / np.where(linear, low_slack - high_slack, 1.0), low)

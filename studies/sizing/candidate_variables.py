@@ -226,7 +226,7 @@ class Candidates:
         reasons = beams.outside.copy()
         for k in np.flatnonzero((wall < LEAST_WALL - 1e-9) & (reasons == "")):
             reasons[k] = f"the silicone around the magnet must be at least {LEAST_WALL:g} mm thick; got {wall[k]:.4g}"
-        for k in np.flatnonzero(~((self.D >= low - 1e-9) & (self.D <= high + 1e-9))):
+        for k in np.flatnonzero(np.abs(self.D - np.clip(self.D, low, high)) > 1e-9):
             reasons[k] = f"D must lie within {low:g} and {high:.4g} mm; got {self.D[k]:.4g}"
         return reasons
 

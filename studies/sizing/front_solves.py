@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fem.scene import Model, Scene
-from geometry.arrays import Array
+from geometry.arrays import Array, Ints
 from geometry.design import Design
 from geometry.loads import Load
 from studies.mechanics import surrogate_range
@@ -67,6 +67,10 @@ class FemBeams:
 
     def __init__(self, designs: Sequence[Design], solver: Solver) -> None:
         self.designs, self.solver = designs, solver
+
+    def take(self, rows: Ints) -> FemBeams:
+        """Return some of the beams."""
+        return FemBeams([self.designs[k] for k in rows], self.solver)
 
     def press(self, depth: Array) -> dict[str, Solved]:
         """Return the response to frictionless presses to depths (n, k), see `prediction.Beams.press`."""
