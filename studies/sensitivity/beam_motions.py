@@ -254,10 +254,3 @@ def sampled_outputs(
         outputs[name] = scale * read[:, 0, k], scale * half_widths[:, 0, k]
     refusals = zip(impossible, moved.refusals[:, 0], strict=True)
     return outputs, tuple(reason or str(refused) for reason, refused in refusals)
-
-
-def relative_half_width(value: Array, half_width: Array) -> float:
-    """Return the median half width over the standard deviation of an output: how much of its variation is error."""
-    known = np.isfinite(value)
-    deviation = float(value[known].std()) if known.any() else 0.0
-    return float(np.median(half_width[known])) / deviation if deviation else 0.0

@@ -68,17 +68,15 @@ def curves(model: str, sensors: MadeSensors, load: Press) -> dict[str, tuple[Cur
     pressed = _pressed(model, nominal, depth)
     if not np.isfinite(pressed.values["force_z"][0, -1]):
         raise BadInput(f"the sensor itself cannot be calibrated: {_reason(pressed, 0)}")
-    press = np.linspace(0, pressed.values["force_z"][0, -1], FORCES)
-    axes = {"z": tuple(_press_curves(model, each, load, press) for each in (nominal, sensors))}
+    press, shear = np.linspace(0, pressed.values["force_z"][0, -1], FORCES), None
     if load.shear:
         at = np.full((1, 1), load.depth)
         sheared = motions(model, nominal.designs, at, np.full((1, 1), load.shear))
         if not np.isfinite(sheared.values["force_x"][0, 0]):
             raise BadInput(f"the sensor itself cannot be calibrated in shear: {_reason(sheared, 0)}")
         shear = sheared.values["force_x"][0, 0] * np.linspace(-1, 1, FORCES)
-        both = [_shear_curves(model, each, load, press[-1], shear) for each in (nominal, sensors)]
-        axes |= {name: tuple(one[k] for one in both) for k, name in enumerate(AXES[1:])}
-    return axes  # type: ignore[return-value]
+    one, other = (_axis_curves(model, each, load, press, shear) for each in (nominal, sensors))
+    return {name: (one[name], other[name]) for name in one}
 
 
 def sensitivity_errors(model: str, design: Design, load: Press) -> dict[str, float]:
@@ -113,24 +111,25 @@ def _pressed(model: str, sensors: MadeSensors, depth: Array) -> Motions:
     return Motions(values, moved.half_widths, np.hstack([nothing, moved.refusals]))
 
 
-def _press_curves(model: str, sensors: MadeSensors, load: Press, force: Array) -> Curves:
-    moved = _pressed(model, sensors, REACH * load.depth * np.linspace(0, 1, STATES) ** 2)
-    return _curves(sensors, moved, "force_z", force, 0)
-
-
-def _shear_curves(model: str, sensors: MadeSensors, load: Press, press: float, force: Array) -> tuple[Curves, Curves]:
-    depths = REACH * load.depth * np.linspace(0, 1, STATES) ** 2
-    pressed = _pressed(model, sensors, depths).values["force_z"]
-    depth = np.array([_over(reached, depths, np.array([press])) for reached in pressed])
-    shear = REACH * load.shear * np.linspace(0, 1, STATES)
-    moved = motions(model, sensors.designs, np.tile(depth, len(shear)), np.tile(shear, (len(sensors), 1)))
+def _axis_curves(
+    model: str, sensors: MadeSensors, load: Press, press: Array, shear: Array | None
+) -> dict[str, Curves]:
+    """Return the curves of the axes over the forces of presses and of shears, None for no shears."""
+    steps = np.linspace(0, 1, STATES)
+    depths, shears = REACH * load.depth * steps**2, REACH * load.shear * steps
+    moved = _pressed(model, sensors, depths)
+    found = {"z": _curves(sensors, moved, "force_z", press, 0)}
+    if shear is None:
+        return found
+    depth = np.array([_over(reached, depths, press[-1:]) for reached in moved.values["force_z"]])
+    moved = motions(model, sensors.designs, np.tile(depth, STATES), np.tile(shears, (len(sensors), 1)))
     # the mirror image of a shear reverses what points along it
     values = {
         name: np.hstack([(-1.0 if name in ("force_x", "shift_x", "tilt") else 1.0) * column[:, :0:-1], column])
         for name, column in moved.values.items()
     }
     both = Motions(values, {}, np.hstack([moved.refusals[:, :0:-1], moved.refusals]))
-    return _curves(sensors, both, "force_x", force, 1), _curves(sensors, both, "force_x", force, 2)
+    return found | {name: _curves(sensors, both, "force_x", shear, k) for k, name in enumerate(AXES) if k}
 
 
 def _curves(sensors: MadeSensors, moved: Motions, along: str, force: Array, axis: int) -> Curves:

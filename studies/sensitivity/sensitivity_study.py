@@ -18,7 +18,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from geometry.arrays import Array
 from geometry.bad_input import nearest
@@ -53,8 +52,6 @@ OF_A_TOLERANCE = ("E", "nu", "remanence", "magnet_diameter", "magnet_height")
 """Fields of a design that `Tolerances` has under the same name: the inputs that vary by default."""
 SHARES = (0.05, 0.5, 0.95)
 """Percentiles of the spread of a calibration."""
-LEAST_SHARE = 0.05
-"""Least total order of an input that the page names in a sentence."""
 MOST_NAMED = 3
 """Greatest number of reasons of failures that a sentence names."""
 
@@ -111,6 +108,10 @@ class Request:
     def sheared(self) -> bool:
         """Whether the load has a shear."""
         return bool(self.load.shear) or "shear" in self.ranges
+
+    def answered(self, points: Array) -> tuple[dict[str, tuple[Array, Array]], tuple[str, ...]]:
+        """Return the outputs of the fast model at points of the inputs, see `sampled_outputs`."""
+        return sampled_outputs(self.model, self.design, self.ranges, points, self.load, sheared=self.sheared)
 
 
 def ranges_of(design: Design, vary: Sequence[str], methods: Sequence[str], sizes: Tolerances) -> Ranges:
@@ -183,21 +184,19 @@ def sobol(request: Request) -> Found:
     """Return the Sobol indices of all outputs for the ranges of the inputs."""
     design, ranges, seed = request.design, request.ranges, request.seed
     points = global_sensitivity.saltelli_points(ranges, request.points, seed)
-    outputs, refusals = sampled_outputs(request.model, design, ranges, points, request.load, sheared=request.sheared)
+    outputs, refusals = request.answered(points)
     lengths = beam_motions.error_lengths(request.model, design)
     rows, doubtful = [], []
     for name, (values, half_width) in outputs.items():
         # what is rounding only is no share
         table = global_sensitivity.indices(ranges, values, half_width, seed, lengths).round(9) + 0.0
-        known = values[np.isfinite(values)]
-        error = beam_motions.relative_half_width(values, half_width)
+        known = np.isfinite(values)
+        mean, deviation = (float(values[known].mean()), float(values[known].std())) if known.any() else (None, None)
+        # how much of the variation is error
+        error = float(np.median(half_width[known])) / deviation if deviation else 0.0
         doubtful += [titled(name)] if error > 1 else []
-        last = {
-            "mean": float(known.mean()) if len(known) else None,
-            "standard_deviation": float(known.std()) if len(known) else None,
-            "model_error_over_deviation": error,
-            "model": request.model,
-        }
+        last: FlatRow = {"mean": mean, "standard_deviation": deviation, "model_error_over_deviation": error}
+        last |= {"model": request.model}
         rows += _rows("sobol", ranges, name, table, values, last)
     doubt = (
         f"do not read the indices of {', '.join(doubtful)}: the model's error exceeds the variation of the output, "
@@ -226,11 +225,14 @@ def morris(request: Request, progress: Progress | None = None) -> Found:
         progress=progress,
     )
     ok = table["status"].isin(ANSWERED)
-    stand_ins = substitutes(request, points, ~ok.to_numpy())
+    lost = ~ok.to_numpy()
+    stand_ins = request.answered(points[lost])[0] if lost.any() else {}
     rows = []
     for name in beam_motions.names(design, sheared=request.sheared):
         values = np.where(ok, table[f"fem_{name}"].astype(float), np.nan)
-        effects = global_sensitivity.effects(ranges, points, values, stand_ins.get(name), request.seed)
+        substitute = np.full(len(points), np.nan)
+        substitute[lost] = stand_ins[name][0] if stand_ins else np.nan
+        effects = global_sensitivity.effects(ranges, points, values, substitute, request.seed)
         effects["effect_unit"] = f"{heading(name)[1] or name.rpartition('_')[2]} per full range"
         rows += _rows("morris", ranges, name, effects, values, {"model": f"fem {request.accuracy}"})
     failed, unstable = table[~ok], table["message"][table["status"] == "unstable"]
@@ -241,21 +243,8 @@ def morris(request: Request, progress: Progress | None = None) -> Found:
         count=len(table),
         reasons=failure_reasons((failed["status"] + ": " + failed["message"]).tolist()),
         doubt=doubt if len(unstable) else "",
-        replaced=int(np.isfinite(stand_ins["force_N"]).sum()) if stand_ins else 0,
+        replaced=int(np.isfinite(stand_ins["force_N"][0]).sum()) if stand_ins else 0,
     )
-
-
-def substitutes(request: Request, points: Array, failed: NDArray[np.bool_]) -> dict[str, Array]:
-    """Return the outputs of the fast model at the failed points, NaN elsewhere; none if no point has failed."""
-    result: dict[str, Array] = {}
-    if failed.any():
-        outputs, _ = sampled_outputs(
-            request.model, request.design, request.ranges, points[failed], request.load, sheared=request.sheared
-        )
-        for name, (values, _) in outputs.items():
-            result[name] = np.full(len(points), np.nan)
-            result[name][failed] = values
-    return result
 
 
 def _rows(
@@ -323,8 +312,8 @@ def sensor_rows(
     unit_of = {"sensitivity": f"{unit}_per_N", "offset": unit}
     for name, axis in axes.items():
         columns |= {f"{name}_{quantity}_{unit_of.get(quantity, 'N')}": v for quantity, v in axis.made.items()}
-    table = pd.DataFrame(columns | {"message": refusals})
-    return [{str(k): v for k, v in row.items()} for row in table.to_dict("records")]
+    rows: list[FlatRow] = pd.DataFrame(columns | {"message": refusals}).to_dict("records")
+    return rows
 
 
 def failure_reasons(refusals: Sequence[str]) -> dict[str, int]:
@@ -365,18 +354,17 @@ METHODS: dict[str, Table] = {
 """The table of each method on a terminal, without its rows."""
 
 
+FAST = {"sobol": sobol, "montecarlo": monte_carlo}
+
+
 def run(request: Request, progress: Progress) -> Result:
     """Return tables, pictures and page of all methods; the study has failed if every case of a method has failed."""
     found: dict[str, Found] = {}
     # first the method that may refuse the load, last the one whose solves take long
-    if "montecarlo" in request.methods:
-        progress(0.0, "made sensors")
-        found["montecarlo"] = monte_carlo(request)
-    if "sobol" in request.methods:
-        progress(0.0, "Sobol indices")
-        found["sobol"] = sobol(request)
-    if "morris" in request.methods:
-        found["morris"] = morris(request, progress)
+    for name, text in (("montecarlo", "made sensors"), ("sobol", "Sobol indices"), ("morris", "Morris' effects")):
+        if name in request.methods:
+            progress(0.0, text)
+            found[name] = morris(request, progress) if name == "morris" else FAST[name](request)
     found = {name: found[name] for name in METHODS if name in found}
     shown = [dataclasses.replace(METHODS[name], rows=each.rows) for name, each in found.items()]
     said = [text for each in found.values() if (text := "; ".join(filter(None, (each.failures, each.doubt))))]
@@ -406,33 +394,10 @@ def page(request: Request, found: Mapping[str, Found]) -> str:
     return page_templates.rendered(
         Path(__file__).with_name("SENSITIVITY.md.j2"),
         load=request.load,
-        shares=_largest_shares(found["sobol"].rows) if "sobol" in found else (),
-        errors=_force_errors(found["montecarlo"].axes) if "montecarlo" in found else {},
         tolerances=_effective_tolerances(request) if "montecarlo" in found else (),
         titled=titled,
-        bracketed=_bracketed,
-        number=_number,
         **{name: found.get(name) for name in METHODS},
     )
-
-
-def _largest_shares(rows: Sequence[FlatRow]) -> list[tuple[str, list[FlatRow]]]:
-    import pandas as pd
-
-    table = pd.DataFrame(rows).astype({"total_order": float})
-    largest = table[table["total_order"] >= LEAST_SHARE].sort_values(["total_order", "input"], ascending=False)
-    by_output = {output: largest[largest["output"] == output].to_dict("records") for output in table["output"]}
-    return [(output, each) for output, each in by_output.items() if each]
-
-
-def _force_errors(axes: Mapping[str, AxisSpread]) -> dict[str, list[tuple[float, float]]]:
-    errors = {}
-    for name, axis in axes.items():
-        span = axis.force_range[1] - axis.force_range[0]
-        worst = [percentile(values, 0.95)[0] for key, values in axis.made.items() if key.endswith("force_error")]
-        if all(map(math.isfinite, worst)):
-            errors[name] = [(error, 100 * error / span) for error in worst]
-    return errors
 
 
 def _effective_tolerances(request: Request) -> list[FlatRow]:
@@ -451,16 +416,3 @@ def _effective_tolerances(request: Request) -> list[FlatRow]:
             "source": source if value == usual else "set by the user",
         })  # fmt: skip
     return rows
-
-
-def _bracketed(value: float | None, low: float | None, high: float | None) -> str:
-    """Format a value with its interval.
-
-    >>> _bracketed(0.123456, 0.1, None), _bracketed(None, None, None)
-    ('0.123 (0.1 to -)', '-')
-    """
-    return "-" if value is None else f"{_number(value)} ({_number(low)} to {_number(high)})"
-
-
-def _number(value: float | None) -> str:
-    return "-" if value is None else f"{value + 0.0:.3g}"

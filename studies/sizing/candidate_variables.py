@@ -88,8 +88,8 @@ class Space:
         self.hall_parts = {name: np.array([seat[name] for seat in seats]) for name in seats[0]}
         names = ("diameter", "height", "edge_radius", "density", "remanence_low", "remanence_high")
         self.magnets = {name: np.array([getattr(each, name) for each in parts.magnets]) for name in names}
-        names = ("E_low", "E_high", "density", "nu", "loss_factor")
-        self.silicones = {name: np.array([getattr(each, name) for each in parts.silicones]) for name in names}
+        kinds = ("E_low", "E_high", "density", "nu", "loss_factor")
+        self.silicones = {name: np.array([getattr(each, name) for each in parts.silicones]) for name in kinds}
         self.low = USUAL_D[0] if requirements.D_low is None else requirements.D_low
         self.high = USUAL_D[1] if requirements.D_high is None else requirements.D_high
         self.high = min(self.high, requirements.outer_size or np.inf)
