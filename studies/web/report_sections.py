@@ -8,6 +8,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import numpy as np
+
 from geometry.bad_input import SolveFailed
 from geometry.design import BadInput, Design, paper
 from geometry.loads import ANSWERED, Load, Magnet
@@ -265,7 +267,9 @@ def _described(title: str, state: str, data: dict[str, Any], more: str = "") -> 
         f"The beam in {state}, at true scale, coloured by its displacement, at most {data['largest']:.3g} mm{magnet}."
         f" Drag, or use the arrow keys, to turn it.{more}"
     )
-    return {"title": title, "caption": caption, **data}
+    points = np.concatenate([part["points"].reshape(-1, 3) for part in data["parts"].values()])
+    box = {"low": points.min(axis=0).tolist(), "high": points.max(axis=0).tolist()}
+    return {"title": title, "caption": caption, **box, **data}
 
 
 def state_of(contents: Contents) -> tuple[Design, Load | None] | None:
@@ -285,7 +289,6 @@ def state_of(contents: Contents) -> tuple[Design, Load | None] | None:
 
 def _largest_state(table: pd.DataFrame, base: Design) -> tuple[Design, Load] | None:
     """Return the case of a table with the greatest shear, then depth, of the base design if the table has it."""
-    import numpy as np
     import pandas as pd
 
     present = {study_input.column(name): name for name in study_input.AXES if study_input.column(name) in table}

@@ -39,11 +39,20 @@ from fem.model import angular_fields
 from fem.solution import Field, Solution
 from geometry.arrays import Array, Ints
 from geometry.design import Design
-from geometry.loads import Magnet
+from geometry.loads import Load, Magnet
 from studies.output.deformed_body import QUARTERS, SECTORS, Part, magnet_outline, outer_edges, revolved
 
 DIGITS = 4
 """Decimals of coordinates, mm."""
+FIELDS = {
+    "displacement": ("displacement (mm)", 0.0),
+    "pressure": ("pressure (MPa)", 0.0),
+    "stretch": ("largest stretch", 1.0),
+}
+"""Fields of a section: label, and value at rest."""
+LEAST_SPAN = 0.01
+"""Least difference of the ends of the colours, in the unit of the field."""
+NICE = (1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10)
 CORNERS = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.5, 0.0], [0.5, 0.5], [0.0, 0.5]])
 """Nodes of a triangle in its own coordinates: corners, then the middles of the edges 01, 12 and 02."""
 
@@ -59,26 +68,59 @@ def section(design: Design, solution: Solution, magnet: Magnet) -> dict[str, Any
     if magnet == "rigid":
         outline = magnet_outline(design, shift, response.shift[2], tilt)
     height = design.L - load.depth + design.R * (1 / math.cos(load.plate_tilt) - 1)
+    fields = {
+        "displacement": np.round(np.linalg.norm(moved - rest, axis=1), DIGITS),
+        "pressure": np.round(pressure, _decimals(pressure)),
+        "stretch": np.round(stretch, DIGITS),
+    }
+    places = element_places(design)
     return {
         "points": np.round(moved, DIGITS),
         "rest": np.round(rest, DIGITS),
         "triangles": triangles,
         "outline": outer_edges(triangles, rest),
-        "fields": {
-            "displacement": np.round(np.linalg.norm(moved - rest, axis=1), DIGITS),
-            "pressure": np.round(pressure, _decimals(pressure)),
-            "stretch": np.round(stretch, DIGITS),
-        },
+        "fields": fields,
+        "spans": {name: _span(name, values) for name, values in fields.items()},
+        "frame": _frame(design, load, places),
         "magnet": np.round(outline, DIGITS).tolist(),
         "plate": {"z": height, "tilt": math.degrees(load.plate_tilt), "x": along},
         "direction": [c, s],
-        "elements": element_places(design),
+        "elements": places,
     }
 
 
 def element_places(design: Design) -> dict[str, tuple[float, float, float]]:
     """Return the positions of the Hall elements by their names; a chip has one position."""
     return {element.name.partition(" ")[0]: element.position for element in of_design(design)}
+
+
+def _span(name: str, values: Array) -> dict[str, Any]:
+    """Return label and ends of the colours, round numbers; few values beyond the 99th percentile stretch no scale."""
+    (label, rest), signed = FIELDS[name], name == "pressure"
+    sizes = np.sort(np.abs(values - rest))
+    most = _rounded_up(max(float(sizes[int(0.99 * (len(sizes) - 1))]), LEAST_SPAN))
+    beyond = bool(sizes[-1] > 1.001 * most)
+    return {"label": label, "low": -most if signed else rest, "high": rest + most, "beyond": beyond}
+
+
+def _frame(design: Design, load: Load, places: dict[str, tuple[float, float, float]]) -> dict[str, float]:
+    """Return the part of the plane that is shown, mm: that of the design, so that the picture stays under most loads.
+
+    It is wider for a shear beyond a quarter of the diameter.
+    """
+    x, y, z = np.array(list(places.values())).T
+    half = max(0.8 * design.D, float(np.hypot(x, y).max()) + 1.2, 0.55 * design.D + math.hypot(*load.imposed_shear))
+    return {"half": half, "low": min(0.0, float(z.min())) - 0.13 * design.D, "high": design.L + 0.2 * design.D}
+
+
+def _rounded_up(value: float) -> float:
+    """Return the next larger round number, so that scales stay while values change a little.
+
+    >>> _rounded_up(0.13), _rounded_up(0.0)
+    (0.15, 1.0)
+    """
+    power = 10.0 ** math.floor(math.log10(value)) if value > 0 else 1.0
+    return next(float(f"{step * power:.6g}") for step in NICE if step * power >= 0.999 * value)
 
 
 def plane_of(solution: Solution) -> tuple[float, float]:
@@ -168,7 +210,8 @@ def surface(solution: Solution, sectors: int = SECTORS) -> dict[str, Any]:
 
     nodes = np.asarray(field.mesh.dofs.element_dofs).T
     parts = revolved(field.mesh.doflocs, nodes, displacement, symmetric=not field.angles.sines, sectors=sectors)
-    return surface_data(parts) | {"turn": math.atan2(s, c)}
+    data = surface_data(parts)
+    return data | {"scale": _rounded_up(data["largest"]), "turn": math.atan2(s, c)}
 
 
 def surface_data(parts: dict[str, Part]) -> dict[str, Any]:

@@ -9,7 +9,7 @@ const Explorer = (() => {
   // Choices of the view, the first one the default; those that the server answers are asked for.
   const VIEWS = {
     level: ["standard", "quick"],
-    field: Object.keys(SectionDrawing.FIELDS),
+    field: ["displacement", "pressure", "stretch"],
     lines: ["no", "yes"],
     mesh: ["no", "yes"],
     formula: ["finite", "paper", "column", "tip", "magnet"],
@@ -263,21 +263,24 @@ const Explorer = (() => {
     Format.put($("#sensor-name"), sides.b ? `A: ${names[0]} · B: ${names[1]}` : names[0]);
   }
 
-  const state = (side) => answers[side].state?.data;
-
   function drawState() {
     const list = shownSides();
-    const spans = list.filter(state).map((side) => SectionDrawing.range(state(side).section, view.field));
-    const span = spans.reduce((a, b) => SectionDrawing.wider(a, b), spans[0]);
-    const frame = list.map((side) => SectionDrawing.frame(value(side))).reduce(SectionDrawing.union);
-    for (const side of list) {
+    const sections = list.map((side) => answers[side].state?.data.section);
+    const drawn = sections.filter(Boolean);
+    const common = drawn.length && {
+      field: view.field,
+      mesh: view.mesh === "yes",
+      span: drawn.map((section) => section.spans[view.field]).reduce(SectionDrawing.wider),
+      view: drawn.map((section) => section.frame).reduce(SectionDrawing.union),
+    };
+    list.forEach((side, k) => {
       const one = views.sections[side];
       const fieldLines = view.lines === "yes" ? answers[side].field_lines?.data : null;
-      one.draw({ state: state(side), field: view.field, span, view: frame, mesh: view.mesh === "yes", fieldLines });
-      one.grey(Boolean(refusals[side]));
-      views.sensors[side].grey(Boolean(refusals[side]));
+      one.draw({ ...common, section: sections[k], fieldLines });
+      for (const figure of document.querySelectorAll(`figure[data-side=${side}]`))
+        figure.classList.toggle("stale", Boolean(refusals[side]));
       one.say(caption(side));
-    }
+    });
   }
 
   // Before the answer: where the plate is to go, and that the solve is on its way.
@@ -320,7 +323,7 @@ const Explorer = (() => {
         (side) => 0.5 * Math.hypot(sides[side].D, sides[side].L) + 0.4 * Math.abs(sides[side].shear),
       ),
     );
-    const largest = Format.round(Math.max(...list.map((side) => answers[side].sensor3d.data.largest)));
+    const largest = Math.max(...list.map((side) => answers[side].sensor3d.data.scale));
     for (const side of list) {
       if (changed) views.sensors[side].show(answers[side].sensor3d.data, largest, view.cut);
       views.sensors[side].draw(size, sides[side].L);

@@ -7,7 +7,6 @@ const Format = (() => {
   const VIRIDIS = map("440154 472d7b 3b528b 2c728e 21918c 27ad81 5cc863 aadc32 fde725");
   // signed values: blue below zero, orange above
   const SIGNED = map("084594 4292c6 9ecae1 deebf7 f5f3ee fee0c2 fdae61 e06a1b 993404");
-  const NICE = [1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10];
 
   // Four digits, a true minus sign, powers of ten where the value is very small or large.
   function number(value, digits = 4) {
@@ -35,13 +34,6 @@ const Format = (() => {
 
   // A value in an input: as short as possible, with a decimal point in every locale.
   const plain = (value) => String(Number(Number(value).toPrecision(6)));
-
-  // The next larger round number, so that scales stay while values change a little.
-  function round(value) {
-    if (!(value > 0)) return 1;
-    const power = 10 ** Math.floor(Math.log10(value));
-    return NICE.find((step) => step * power >= value * 0.999) * power;
-  }
 
   function mix(map, share) {
     const at = Math.max(0, Math.min(1, share)) * (map.length - 1);
@@ -93,5 +85,5 @@ const Format = (() => {
     return value.scale ? Float32Array.from(array, (v) => v * value.scale) : array;
   }
 
-  return { unpacked, VIRIDIS, SIGNED, number, short, width, plain, round, mix, make, put, once, colour, pixels };
+  return { unpacked, VIRIDIS, SIGNED, number, short, width, plain, mix, make, put, once, colour, pixels };
 })();

@@ -24,7 +24,7 @@ const ReportSurface = (() => {
       asked = true;
       requestAnimationFrame(() => {
         asked = false;
-        const { low, high } = view.extent();
+        const { low, high } = data;
         const half = Math.hypot(...high.map((v, i) => v - low[i])) / 2 / 1.12;
         view.draw(half, low[2] + high[2]);
         scale(Math.min(stage.clientWidth, stage.clientHeight) / 2 / half);

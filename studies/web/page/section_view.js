@@ -101,7 +101,7 @@ const SectionView = (() => {
 
     // A dashed line where the plate is to go, above the picture, which a move of the hand then leaves as it is.
     function wish() {
-      const { plate: present, direction = [1, 0] } = shown?.section || {};
+      const { plate: present, direction = [1, 0] } = shown || {};
       const target = present && wanted(present, direction);
       const far =
         present && (Math.hypot(target.z - present.z, target.x - present.x) > 0.004 || target.tilt !== present.tilt);
@@ -115,10 +115,10 @@ const SectionView = (() => {
       draw(drawing) {
         const [width, height] = [canvas.clientWidth, canvas.clientHeight].map((v) => Math.round(v * Format.pixels()));
         if (!width || !height) return;
+        shown = drawing.section;
         // setting a size clears the canvas
-        if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
-        at = SectionDrawing.draw(canvas, { ...drawing, value });
-        shown = drawing.state;
+        if (!shown || canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
+        if (shown) at = SectionDrawing.draw(canvas, { ...drawing, D: value("D") });
         wish();
       },
       say({ chip, time, text }) {
@@ -126,9 +126,6 @@ const SectionView = (() => {
         caption("chip").dataset.level = chip;
         Format.put(caption("time"), time);
         Format.put(caption("text"), text);
-      },
-      grey(yes) {
-        figure.classList.toggle("stale", yes);
       },
     };
   }
