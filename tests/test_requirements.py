@@ -282,10 +282,11 @@ SILICONE = '[[silicone]]\nname = "S"\nE = ["700 kPa", 0.8, 1]\n'
 
 def test_a_file_with_all_kinds(toml):
     file = read_catalogue(toml(GRADE + MAGNET + HALL + SILICONE))
-    assert file.grades["N38"]["remanence"] == (1.22, 1.26)
-    assert (file.magnets["7x2"]["diameter"], file.magnets["7x2"]["height"]) == (7.0, 2.0)
-    assert file.hall_parts["H"].gain == 10.0
-    assert (file.silicones["S"].E_low, file.silicones["S"].E, file.silicones["S"].E_high) == (0.7, 0.8, 1.0)
+    assert file["grades"]["N38"]["remanence"] == (1.22, 1.26)
+    assert (file["magnets"]["7x2"]["diameter"], file["magnets"]["7x2"]["height"]) == (7.0, 2.0)
+    assert file["hall_parts"]["H"].gain == 10.0
+    silicone = file["silicones"]["S"]
+    assert (silicone.E_low, silicone.E, silicone.E_high) == (0.7, 0.8, 1.0)
 
 
 CHIP = """[[hall_part]]
@@ -302,7 +303,7 @@ plate_height = 0.3
 
 
 def test_a_chip_of_any_kind_makes_a_design(toml):
-    part = read_catalogue(toml(CHIP)).hall_parts["C"]
+    part = read_catalogue(toml(CHIP))["hall_parts"]["C"]
     assert (part.rate, part.null_tolerance) == (1000.0, 2e-4)
     design = Design(l0=9.0, **part.fields())
     element = of_design(design)[0]

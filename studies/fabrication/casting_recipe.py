@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -84,7 +83,7 @@ def recipe_of(design: Design, choices: FabricationChoices) -> FlatRow:
         ],
         "dowels": s.ears and {"count": 2, "diameter_mm": s.dowel, "length_mm": length, "hole_mm": s.dowel_hole},
         "screws": s.ears and {"count": 2 * len(s.ears.bolt_z), "thread": f"M{BOLT:g}", "length_mm": length + NUT},
-        "silicone": choices.silicone and dataclasses.asdict(choices.silicone),
+        "silicone": choices.silicone,
         "magnets_apart_mm": magnet_field.resting_distance(design),
     }
 

@@ -208,11 +208,11 @@ def warnings(design: Design, choices: FabricationChoices, solids: FabricatedSoli
             f"the magnets of neighbouring cavities repel with {pushed[1]:.2g} times their weight: glue them in one "
             "after another, held down until the glue has cured (see the recipe)"
         )
-    if (mix := choices.silicone) and not mix.moduli[0] <= design.E <= mix.moduli[1]:
-        low, high = mix.moduli
+    if (mix := choices.silicone) and not mix["moduli"][0] <= design.E <= mix["moduli"][1]:
+        low, high = mix["moduli"]
         too_fine.append(
-            f"E = {design.E:g} MPa is not that of {mix.name}, {low:g} to {high:g} MPa: forces will differ from those "
-            "of the design"
+            f"E = {design.E:g} MPa is not that of {mix['name']}, {low:g} to {high:g} MPa: forces will differ from "
+            "those of the design"
         )
     if choices.mold.marks and (no_room := engraved_marks.mold_marks(design, choices.mold, s)[2]):
         too_fine.append(no_room)

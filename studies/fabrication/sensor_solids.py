@@ -35,27 +35,9 @@ USUAL_FACETS, FINEST_FACETS = 2000, 100000
 """D over the facet tolerance: the default, and the greatest value, beyond which a part has millions of triangles."""
 
 
-@dataclass(frozen=True, slots=True)
-class Silicone:
-    """What a recipe needs to know of a silicone.
-
-    Attributes
-    ----------
-    mixed : ratio of the parts.
-    hours, temperature : of a cure without an oven, h and °C.
-    density : kg/m³. moduli : least and largest Young's modulus, MPa.
-    source : data sheet or publication.
-    assumed : those of "mixed", "hours" and "density" whose source was not read.
-    """
-
-    name: str
-    mixed: str
-    hours: float
-    temperature: float
-    density: float
-    moduli: tuple[float, float]
-    source: str
-    assumed: tuple[str, ...]
+Mix = Mapping[str, Any]
+"""What a recipe says of a silicone: its name, the ratio in which it is mixed, hours and temperature of a cure without
+an oven, °C, its density, kg/m³, least and largest modulus, MPa, source, and which of these are assumed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +54,7 @@ class FabricationChoices:
     mold: Mold = field(default_factory=Mold)
     base: Base = field(default_factory=Base)
     tolerance: float | None = None
-    silicone: Silicone | None = None
+    silicone: Mix | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +80,7 @@ class FabricatedSolids:
 
 
 def parse_fabrication_choices(
-    options: Fabrication, silicone: Silicone | None = None, given: Mapping[str, Any] = {}
+    options: Fabrication, silicone: Mix | None = None, given: Mapping[str, Any] = {}
 ) -> FabricationChoices:
     """Return the fabrication choices that the options state, with the silicone that they name; those of the base may
     hold the name of a shape. What they leave open is that of a design file, see `user_input.fabrication_of`.

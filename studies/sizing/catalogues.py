@@ -21,7 +21,7 @@ from typing import Any, TypeVar
 from geometry.bad_input import nearest
 from geometry.design import HALL_LAYOUTS, LEAST_WALL, BadInput
 from geometry.hall_chips import CHIPS, OWN, HallChip
-from studies.fabrication.sensor_solids import Silicone
+from studies.fabrication.sensor_solids import Mix
 from studies.inputs.user_input import check_keys, quantity, toml_table
 from studies.sizing.requirements import CATALOGUES, Requirements
 
@@ -206,47 +206,33 @@ ENDS = {2: "[low, high]", 3: "[low, typical, high]"}
 """How a key with several numbers is written."""
 
 
-@dataclass(frozen=True, slots=True)
-class CatalogueFile:
-    """What a file holds, each entry by its name; magnets without the values of their grades."""
-
-    path: str
-    grades: dict[str, dict[str, Any]]
-    magnets: dict[str, dict[str, Any]]
-    hall_parts: dict[str, HallPartEntry]
-    silicones: dict[str, SiliconeEntry]
+KINDS = {"grade": "grades", "magnet": "magnets", "hall_part": "hall_parts", "silicone": "silicones"}
+"""Kinds of entries by the name of their tables in a file."""
+Named = dict[str, dict[str, Any]]
+"""Entries by kind and name; magnets without the values of their grades, and these as dictionaries."""
 
 
-def read_catalogue(path: str) -> CatalogueFile:
+def read_catalogue(path: str) -> Named:
     """Read and check the entries of a file."""
     table = toml_table(path, "file")
     check_keys(path, table, KEYS)
     if not any(table.get(name) for name in KEYS):
         raise BadInput(f"{path}: the catalogue is empty: add a table [[magnet]], [[hall_part]] or [[silicone]]")
-    named = {name: _by_name(path, name, table.get(name, [])) for name in KEYS}
-    return CatalogueFile(
-        path,
-        named["grade"],
-        named["magnet"],
-        {name: _hall_part(f"{path}: {name}", entry) for name, entry in named["hall_part"].items()},
-        {name: _silicone(entry) for name, entry in named["silicone"].items()},
-    )
-
-
-def _by_name(path: str, array: str, tables: object) -> dict[str, dict[str, Any]]:
-    if not isinstance(tables, list) or not all(isinstance(table, dict) for table in tables):
-        raise BadInput(f"{path}: {array} must be an array of tables: write [[{array}]]")
-    named: dict[str, dict[str, Any]] = {}
-    for number, table in enumerate(tables, 1):
-        entry = _entry(path, array, table, number)
-        if entry["name"] in named:
-            raise BadInput(f"{path}: two tables [[{array}]] have the name {entry['name']!r}: rename or remove one")
-        named[entry["name"]] = entry
+    named: Named = {kind: {} for kind in KINDS.values()}
+    for array, kind in KINDS.items():
+        tables = table.get(array, [])
+        if not isinstance(tables, list) or not all(isinstance(each, dict) for each in tables):
+            raise BadInput(f"{path}: {array} must be an array of tables: write [[{array}]]")
+        for number, each in enumerate(tables, 1):
+            name, entry = _entry(path, array, each, number)
+            if name in named[kind]:
+                raise BadInput(f"{path}: two tables [[{array}]] have the name {name!r}: rename or remove one")
+            named[kind][name] = entry
     return named
 
 
-def _entry(path: str, array: str, table: Mapping[str, Any], number: int) -> dict[str, Any]:
-    """Return the values of a table in the units of magtip; `assumed` also names what the table leaves out."""
+def _entry(path: str, array: str, table: Mapping[str, Any], number: int) -> tuple[str, Any]:
+    """Return the name and the entry of a table; `assumed` also names what the table leaves out."""
     keys, name = KEYS[array], table.get("name")
     where = f"{path}: {name}" if isinstance(name, str) and name else f"{path}: [[{array}]] number {number}"
     check_keys(where, table, keys)
@@ -267,7 +253,9 @@ def _entry(path: str, array: str, table: Mapping[str, Any], number: int) -> dict
     if array == "magnet":
         _check_magnet(where, entry)
         entry["name"] = entry["name"] or f"{entry['diameter']:g}x{entry['height']:g}"
-    return entry
+    if array == "hall_part":
+        return entry["name"], _hall_part(f"{path}: {entry['name']}", entry)
+    return entry["name"], _silicone(entry) if array == "silicone" else entry
 
 
 def _value(where: str, value: object, key: Key) -> Any:
@@ -375,9 +363,6 @@ def _silicone(entry: Mapping[str, Any]) -> SiliconeEntry:
 
 AMBIENT = "ambient"
 """Layout of a chip that measures the ambient field beside a sensor, and saturates at its magnet."""
-TABLES = {"magnets": "magnet", "hall_parts": "hall_part", "silicones": "silicone"}
-"""Name of the tables in a file, by the kind of parts."""
-
 Part = TypeVar("Part", MagnetEntry, HallPartEntry, SiliconeEntry)
 
 
@@ -387,53 +372,68 @@ def catalogues_of(requirements: Requirements) -> Catalogues:
     >>> [part.name for part in catalogues_of(Requirements(force_z=5.0, magnets=("4x2 N35",))).magnets]
     ['4x2 N35']
     """
-    users = [read_catalogue(path) for path in requirements.catalogues]
+    users = {path: read_catalogue(path) for path in requirements.catalogues}
     for kind in CATALOGUES:
-        _check_apart(kind, users)
+        where: dict[str, str] = {}
+        for path, file in users.items():
+            for name in file[kind]:
+                if name in where:
+                    raise BadInput(f"{path}: {where[name]} has a part {name!r} too: rename or remove one of them")
+                where[name] = path
     ours = {kind: read_catalogue(str(FOLDER / f"{kind}.toml")) for kind in CATALOGUES}
-    grades = {name: grade for file in (ours["magnets"], *users) for name, grade in file.grades.items()}
-    files = {kind: ([ours[kind]] if kind in requirements.shipped else []) + users for kind in CATALOGUES}
-    magnets = _in_use("magnets", _magnets(files["magnets"], grades), requirements)
-    _check_fit(magnets, requirements)
-    hall_parts: dict[str, HallPartEntry] = {}
+    grades = {name: grade for file in (ours["magnets"], *users.values()) for name, grade in file["grades"].items()}
+    shipped = {kind: ours[kind][kind] if kind in requirements.shipped else {} for kind in CATALOGUES}
     if "hall_parts" in requirements.shipped:
-        hall_parts |= ours["hall_parts"].hall_parts
-        hall_parts |= {chip.name: _of_chip(chip, layout) for layout, chip in CHIPS.items()}
-    hall_parts |= {name: part for file in users for name, part in file.hall_parts.items()}
-    silicones = {name: part for file in files["silicones"] for name, part in file.silicones.items()}
+        shipped["hall_parts"] |= {chip.name: _of_chip(chip, layout) for layout, chip in CHIPS.items()}
+    magnets = _magnets("magnets.toml", shipped["magnets"], grades)
+    for path, file in users.items():
+        magnets |= _magnets(path, file["magnets"], grades)
+    hall_parts, silicones = (
+        shipped[kind] | {name: part for file in users.values() for name, part in file[kind].items()}
+        for kind in ("hall_parts", "silicones")
+    )
+    in_use = _in_use("magnets", magnets, requirements)
+    _check_fit(in_use, requirements)
     unusable = {name: part.unusable for name, part in hall_parts.items() if part.unusable}
     for name in requirements.hall_parts:
         if name in unusable:
             raise BadInput(f"hall_parts: no sensor can be sized with {name}: {unusable[name]}")
     return Catalogues(
-        magnets,
+        in_use,
         _in_use("hall_parts", {k: part for k, part in hall_parts.items() if k not in unusable}, requirements),
         _in_use("silicones", silicones, requirements),
         tuple(hall_parts[name] for name in unusable),
     )
 
 
-def mix_named(option: str | None, of_design: str = "") -> Silicone | None:
+def mix_named(option: str | None, of_design: str = "") -> Mix | None:
     """Return what a recipe knows of the silicone that an option names, or else the design; None: no mix is known.
 
     A design may be of a silicone that is not in the shipped catalogue, an option may not.
 
-    >>> mix_named("Sylgard 184").mixed, mix_named(None, "my own")
+    >>> mix_named("Sylgard 184")["mixed"], mix_named(None, "my own")
     ('10A:1B by weight', None)
     """
-    shipped = read_catalogue(str(FOLDER / "silicones.toml")).silicones
+    shipped = read_catalogue(str(FOLDER / "silicones.toml"))["silicones"]
     if option is not None and option not in shipped:
         raise BadInput(f"the catalogue has no silicone {option!r}: {nearest(option, shipped)}")
     name = of_design if option is None else option
     return mix_of(shipped[name]) if name in shipped else None
 
 
-def mix_of(part: SiliconeEntry) -> Silicone:
+def mix_of(part: SiliconeEntry) -> Mix:
     """Return what a casting recipe needs to know of a silicone."""
     keys = {"mixed": "mixed", "hours": "cure_hours", "density": "density"}
-    assumed = tuple(key for key, name in keys.items() if name in part.assumed)
-    cure, moduli = (part.cure_hours, part.cure_temperature), (part.E_low, part.E_high)
-    return Silicone(part.name, part.mixed, *cure, part.density, moduli, part.source, assumed)
+    return {
+        "name": part.name,
+        "mixed": part.mixed,
+        "hours": part.cure_hours,
+        "temperature": part.cure_temperature,
+        "density": part.density,
+        "moduli": (part.E_low, part.E_high),
+        "source": part.source,
+        "assumed": tuple(key for key, name in keys.items() if name in part.assumed),
+    }
 
 
 def rows(parts: Iterable[MagnetEntry | HallPartEntry | SiliconeEntry]) -> list[dict[str, Any]]:
@@ -464,32 +464,23 @@ COLUMNS = {name: f"{name}_{unit}" for unit, names in UNITS.items() for name in n
 """Columns that carry a unit, by field; the null, its tolerance and the rails are in V, or in T of a chip."""
 
 
-def _check_apart(kind: str, users: Sequence[CatalogueFile]) -> None:
-    where: dict[str, str] = {}
-    for file in users:
-        for name in getattr(file, kind):
-            if name in where:
-                raise BadInput(f"{file.path}: {where[name]} has a part {name!r} too: rename or remove one of them")
-            where[name] = file.path
-
-
-def _magnets(files: Sequence[CatalogueFile], grades: Mapping[str, Mapping[str, Any]]) -> dict[str, MagnetEntry]:
+def _magnets(path: str, sizes: Mapping[str, dict[str, Any]], grades: Mapping[str, Any]) -> dict[str, MagnetEntry]:
     merged: dict[str, MagnetEntry] = {}
-    for file in files:
-        for size, values in file.magnets.items():
-            for name in values["grades"]:
-                if name not in grades:
-                    raise BadInput(f"{file.path}: {size}: there is no grade {name!r}: {nearest(name, grades)}")
-                grade, (low, high) = grades[name], grades[name]["remanence"]
-                merged[f"{size} {name}"] = MagnetEntry(
-                    **{key: value for key, value in values.items() if key not in ("grades", "name", "source")},
-                    name=f"{size} {name}",
-                    grade=name,
-                    remanence_low=low,
-                    remanence_high=high,
-                    largest_temperature=grade["largest_temperature"],
-                    source=f"{values['source']}; {name}: {grade['source']}",
-                )
+    for size, values in sizes.items():
+        for name in values["grades"]:
+            if name not in grades:
+                raise BadInput(f"{path}: {size}: there is no grade {name!r}: {nearest(name, grades)}")
+            grade, (low, high) = grades[name], grades[name]["remanence"]
+            own: dict[str, Any] = {
+                "name": f"{size} {name}",
+                "grade": name,
+                "remanence_low": low,
+                "remanence_high": high,
+                "largest_temperature": grade["largest_temperature"],
+                "source": f"{values['source']}; {name}: {grade['source']}",
+            }
+            kept = {key: value for key, value in values.items() if key != "grades"}
+            merged[own["name"]] = MagnetEntry(**kept | own)
     return merged
 
 
@@ -497,8 +488,8 @@ def _in_use(kind: str, parts: Mapping[str, Part], requirements: Requirements) ->
     names = getattr(requirements, kind) or tuple(parts)
     if not parts:
         raise BadInput(
-            f"the catalogue of {kind} is empty: add {kind} to `shipped`, or tables [[{TABLES[kind]}]] to a file of "
-            "`catalogues`"
+            f"the catalogue of {kind} is empty: add {kind} to `shipped`, or tables [[{kind.removesuffix('s')}]] to a "
+            "file of `catalogues`"
         )
     for name in names:
         if name not in parts:

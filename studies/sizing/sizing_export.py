@@ -49,8 +49,8 @@ def export(variant: Variant, requirements: Requirements, folder: Path, progress:
     mix = mix_of(variant.silicone)
     choices = FabricationChoices(Mold(process=process), Base(shape=shape), silicone=mix)
     command = f"magtip cad {DESIGN} --out {PARTS}"
-    if mix_named(None, mix.name) == mix:
-        command += f" --silicone {shlex.quote(mix.name)}"
+    if mix_named(None, variant.silicone.name) == mix:
+        command += f" --silicone {shlex.quote(variant.silicone.name)}"
     row = build(variant.design, folder / PARTS, progress, choices, command=command)
     recipe = folder / PARTS / RECIPE
     if row["status"] == "ok" and recipe.exists():
