@@ -91,19 +91,28 @@ def test_a_load_without_a_depth_has_no_response(sheared):
     assert np.isnan(sheared["force_x"].value).tolist() == [[False, False, True]]
 
 
-class WithoutForceErrors(Solver):
+class WithoutErrors(Solver):
     """As where there is no coarser mesh."""
 
     def answers(self, scenes, kind="states"):
-        rows = super().answers(scenes, kind)
-        return [[dataclasses.replace(one, estimates=one.estimates | {"force": None}) for one in row] for row in rows]
+        rows, without = super().answers(scenes, kind), {"force": None, "shift": None}
+        lost = {"error_estimate": np.nan, "estimates": without}
+        return [[dataclasses.replace(one, **lost) for one in row] for row in rows]
 
 
-def test_an_unknown_error_is_not_taken_for_none():
+@pytest.mark.parametrize("solver", [Solver, WithoutErrors])
+def test_an_unknown_error_is_not_taken_for_none(solver):
     with temporary() as memory:
-        pressed = FemBeams([paper()], WithoutForceErrors(memory, Processes(0), None, QUICK)).press(np.array([[0.1]]))
-    unknown = {name: bool(np.isnan(found.half_width[0, 0])) for name, found in pressed.items()}
-    assert unknown == {"force": True, "shift": False, "strain": False}
+        slender = FemBeams([dataclasses.replace(paper(), L=30.0)], solver(memory, Processes(0), None, QUICK))
+        pressed, critical = slender.press(np.array([[0.1]])), slender.critical_depth()
+        likely, sure = (slender.stable_to(caution)[0] for caution in (0.0, 1.0))
+    widths = [float(found.half_width.item()) for found in (pressed["force"], pressed["shift"], critical)]
+    assert likely == critical.value[0] == pytest.approx(0.66 / 8, rel=0.02)
+    if solver is Solver:
+        assert all(width > 0 for width in widths)
+        assert sure == likely - widths[2]
+    else:
+        assert np.isnan([*widths, sure]).all()
 
 
 def test_shears_are_those_of_one_path_whatever_their_order(sheared):

@@ -119,12 +119,15 @@ class FemBeams:
         inf where the search found none up to its end; NaN where it stopped before, or failed.
         """
         depth = np.array([_critical(answer) for answer in self._stability])
-        return Solved(depth, np.zeros(len(depth)))
+        error = np.array([answer.error_estimate for answer in self._stability])
+        return Solved(depth, np.where(np.isinf(depth), 0.0, error * depth))
 
     def stable_to(self, caution: float) -> Array:
         """Return the depths over D up to which presses are known to be stable, shape (n,); NaN where nothing is."""
-        found = [(_critical(answer), answer.values.get("stable_to_over_D", np.nan)) for answer in self._stability]
-        return np.array([critical if np.isfinite(critical) else stable for critical, stable in found])
+        critical = self.critical_depth()
+        stable = [answer.values.get("stable_to_over_D", np.nan) for answer in self._stability]
+        width = critical.half_width if caution else 0.0
+        return np.where(np.isfinite(critical.value), critical.value - caution * width, stable)
 
     def first_mode(self, density_ratio: Array) -> Solved:
         """Return the lowest natural frequency of the unloaded beams over `frequency_unit`, shape (n,)."""
