@@ -22,7 +22,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, cast, get_args
 
-from geometry.design import LAWS, OF_MAGNET, OF_ONE_LAYOUT, BadInput, Design
+from geometry.design import LAWS, OF_ONE_LAYOUT, BadInput, Design
 from geometry.loads import Load, Magnet
 from studies.inputs import user_input
 from studies.inputs.option_groups import Motion
@@ -292,8 +292,6 @@ def _needs(name: str) -> Field:
         needs["hall_layout"] = layouts
     if name in ("loss_factor", "loss_low", "loss_high"):
         needs["prony"] = [""]
-    if name in OF_MAGNET or name in ("magnet_edge_radius", "grade"):
-        needs["magnet_diameter"] = "positive"
     return needs
 
 

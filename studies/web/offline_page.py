@@ -169,11 +169,8 @@ def page(design: Design, stops: Stops, states: list[list[Data]]) -> str:
     """Return the page of a design whose states are solved."""
     magnet = magnet_of(design)
     curve = state_answers.with_formulas(state_answers.curve(design, magnet, LEVEL, estimate=True), design)
-    changed = [f"{k} {v}" for k, v in state_exports.address_fields(design).items() if k not in ("preset", "depth")]
-    sensor = f"the paper's sensor{' with ' if changed else ''}{', '.join(changed)}"
     content: Data = {
         "fields": _fields(design, stops),
-        "sensor": sensor,
         "stops": {"depth": stops.depth, "shear": stops.shear, "direction": stops.direction},
         "states": states,
         "curve": {"figures": state_tables.curve_figures(curve)},
@@ -185,10 +182,9 @@ def page(design: Design, stops: Stops, states: list[list[Data]]) -> str:
         },
     }
     known = sum("error" not in one for row in states for one in row[1:])
-    about = rendered(
-        PAGE / "fixed_design.html.j2", sensor=html.escape(sensor), level=LEVEL, stops=stops, presses=len(states) - 1,
-        sheared=known,
-    )  # fmt: skip
+    sensor = html.escape(state_exports.sensor_name(design))
+    counts = {"presses": len(states) - 1, "sheared": known}
+    about = rendered(PAGE / "fixed_design.html.j2", sensor=sensor, level=LEVEL, stops=stops, **counts)
     text = (PAGE / INDEX).read_text(encoding="utf-8")
     text = text.replace("<head>", f'<head>\n<meta http-equiv="Content-Security-Policy" content="{POLICY}">', 1)
     text = text.replace("<body>", '<body class="offline">', 1)

@@ -20,7 +20,7 @@ from analytic import buckling
 from geometry import design_digest
 from geometry.design import BadInput, Design
 from geometry.loads import Load
-from studies.inputs.user_input import changed_fields
+from studies.inputs.user_input import FIELDS, changed_fields
 from studies.mechanics.worker_process import WorkerDied, processes
 from studies.web.explorer_state import OPENING_DEPTH, ExplorerState, plain
 
@@ -41,8 +41,21 @@ PATIENCE = 300.0
 
 
 def commands(state: ExplorerState) -> dict[str, str]:
-    """Return the part `commands`: texts for a shell and for Python."""
-    return {"shell": shell(state), "python": python(state)}
+    """Return the part `commands`: texts for a shell and for Python, and the name of the sensor."""
+    return {"shell": shell(state), "python": python(state), "sensor": sensor_name(state.design)}
+
+
+def sensor_name(design: Design) -> str:
+    """Return the name of a design by what differs from the preset paper.
+
+    >>> sensor_name(Design()), sensor_name(Design(D=10, law="yeoh"))
+    ("the paper's sensor", "the paper's sensor with D 10 mm, law yeoh")
+    """
+    changed = []
+    for name, value in changed_fields(design).items():
+        unit = FIELDS[name].metadata.get("unit", "1")
+        changed.append(f"{name} {plain(value)}{'' if unit == '1' else f' {unit}'}")
+    return " with ".join(filter(None, ["the paper's sensor", ", ".join(changed)]))
 
 
 def shell(state: ExplorerState) -> str:

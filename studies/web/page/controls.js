@@ -150,8 +150,7 @@ const Controls = (() => {
   }
 
   // A field without effect in the present choices is not shown.
-  const matters = (field, value) =>
-    Object.entries(field.needs).every(([name, need]) => (need === "positive" ? true : need.includes(value(name))));
+  const matters = (field, value) => Object.entries(field.needs).every(([name, need]) => need.includes(value(name)));
 
   // The part of the catalogue whose values a design has; "" for values of its own.
   const near = (a, b) => a === b || Math.abs(a - b) < 1e-6 * Math.abs(b);

@@ -67,18 +67,15 @@ const Explorer = (() => {
 
   const isAsked = (part) => !engine.without?.includes(part) && (part !== "field_lines" || view.lines === "yes");
   const parts = () => Requests.PARTS.filter(isAsked);
-  const changes = (side) =>
-    fields.filter((field) => field.scope === "design" && sides[side][field.name] !== field.value);
 
   function message(side) {
     const values = sides[side];
     if (!values) return null;
-    const pick = (scope) =>
-      Object.fromEntries(
-        fields.filter((field) => field.scope === scope).map((field) => [field.name, values[field.name]]),
-      );
-    const changed = Object.fromEntries(changes(side).map((field) => [field.name, values[field.name]]));
-    const state = { design: changed, load: pick("load"), magnet: values.magnet, level: view.level };
+    const pick = (wanted) =>
+      Object.fromEntries(fields.filter(wanted).map((field) => [field.name, values[field.name]]));
+    const design = pick((field) => field.scope === "design" && values[field.name] !== field.value);
+    const load = pick((field) => field.scope === "load");
+    const state = { design, load, magnet: values.magnet, level: view.level };
     return { state, parts: parts() };
   }
 
@@ -225,10 +222,12 @@ const Explorer = (() => {
       // the picture comes first, and next to a hand that moves figures follow some times a second
       later ||= setTimeout(drawFigures, FIGURES);
     }
-    if (all.has("commands"))
-      for (const node of document.querySelectorAll("[data-command]")) {
+    if (all.has("commands")) {
+      for (const node of document.querySelectorAll("[data-command]"))
         Format.put(node, answers[view.edit].commands?.data[node.dataset.command] || "");
-      }
+      const names = shownSides().map((side) => answers[side].commands?.data.sensor || "");
+      Format.put($("#sensor-name"), sides.b ? `A: ${names[0]} · B: ${names[1]}` : names[0]);
+    }
     for (const panel of document.querySelectorAll(".panel[data-part]")) {
       const waits = shownSides().some((side) => !refusals[side] && requests.behind(side, panel.dataset.part));
       Format.put($(".state", panel), waits ? "updating" : "");
@@ -253,14 +252,6 @@ const Explorer = (() => {
     const refusal = refusals[side];
     controls.show(value(side));
     controls.refuse(refusal?.field, refusal?.error);
-    const names = shownSides()
-      .map((one) =>
-        changes(one)
-          .map((field) => `${field.name} ${sides[one][field.name]} ${field.unit}`.trim())
-          .join(", "),
-      )
-      .map((text) => engine.sensor?.() || (text ? `the paper's sensor with ${text}` : "the paper's sensor"));
-    Format.put($("#sensor-name"), sides.b ? `A: ${names[0]} · B: ${names[1]}` : names[0]);
   }
 
   function drawState() {

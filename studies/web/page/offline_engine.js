@@ -90,7 +90,6 @@ const OfflineEngine = (text) => {
   }
 
   return {
-    sensor: () => page.sensor,
     time: "solved beforehand",
     // parts that need a server
     without: ["margins", "vibration", "loop"],
