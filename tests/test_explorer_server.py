@@ -93,7 +93,7 @@ def loop():
 @pytest.fixture(scope="module")
 def running(loop):
     async def begin():
-        return explorer_server.start({})
+        return explorer_server.Server()
 
     running = loop.run_until_complete(begin())
     yield running
@@ -142,7 +142,7 @@ def estimated(number, level):
 )
 def test_refuses_requests_that_are_not_from_its_page(loop, page, path, token, headers):
     post = {"method": "POST", "body": "{}"} if path.startswith("/export") else {}
-    name = explorer_server.cookie_name(page.running.shared)
+    name = page.running.cookie
     headers = {key: value.format(cookie=name) for key, value in headers.items()}
     answer = loop.run_until_complete(page.fetch(path, token=token, headers=headers, **post))
     assert answer.code == 403
@@ -157,7 +157,7 @@ def test_refuses_connections_of_other_pages(loop, page, headers):
 def test_page_and_its_files_are_served_to_the_token(loop, page):
     index = loop.run_until_complete(page.fetch("/"))
     cookie = index.headers["Set-Cookie"]
-    assert cookie.startswith(f"{explorer_server.cookie_name(page.running.shared)}=")
+    assert cookie.startswith(f"{page.running.cookie}=")
     assert "HttpOnly" in cookie
     assert "SameSite=Strict" in cookie
     assert "http" not in index.headers["Content-Security-Policy"]
@@ -401,7 +401,7 @@ def test_mould_is_the_folder_of_the_command_line_or_its_refusal(monkeypatch):
 
 def molding(running):
     """Processes of this one that make moulds: those that answer no page."""
-    workers = running.shared.workers
+    workers = running.workers
     return set(children(os.getpid())) - {*workers.quick.processes.pids, *workers.refining.processes.pids}
 
 
@@ -427,7 +427,7 @@ def test_moulds_are_made_one_at_a_time_and_end_with_their_page(loop, page):
         return max(counts), len(molding(page.running))
 
     assert loop.run_until_complete(most_at_once()) == (1, 0)
-    assert not page.running.shared.molding.locked()
+    assert not page.running.molding.locked()
 
 
 def test_export_of_a_bad_state_is_refused_in_a_sentence(loop, page):
@@ -441,7 +441,7 @@ def test_a_worker_that_dies_is_said_and_replaced(loop, running, live):
         await live.until(state_of(await live.ask({"load": {"depth": 0.5}, "level": "quick"})))
         number = await live.ask({"load": {"depth": 1.0, "shear": 1.0, "friction": 0.3}, "level": "quick"})
         await asyncio.sleep(0.2)
-        (pid,) = running.shared.workers.quick.processes.pids
+        (pid,) = running.workers.quick.processes.pids
         os.kill(pid, signal.SIGKILL)
         refused, _ = await live.until(lambda one: "error" in one)
         assert refused["number"] == number

@@ -14,9 +14,10 @@ import json
 import secrets
 import signal
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlencode
 
@@ -38,7 +39,6 @@ if TYPE_CHECKING:
     from studies.sizing.requirements import Requirements
 
 INDEX, CONTROLS = "index.html", "fields.json"
-COOKIE = "magtip_token"
 POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; "
     "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
@@ -48,8 +48,6 @@ TYPES = {
     ".html": "text/html; charset=utf-8",
     ".js": "text/javascript; charset=utf-8",
     ".css": "text/css; charset=utf-8",
-    ".svg": "image/svg+xml",
-    ".png": "image/png",
     ".json": "application/json",
     ".md": "text/plain; charset=utf-8",
     ".LICENSE": "text/plain; charset=utf-8",
@@ -63,39 +61,89 @@ MOST_PAGES = 16
 """Most pages that are open at once."""
 
 
-@dataclass(frozen=True, slots=True)
-class Shared:
-    """What all handlers of one server share.
+class Server:
+    """A server that listens on 127.0.0.1, and what its handlers share; an event loop must run.
 
-    Attributes
+    Parameters
     ----------
-    hosts : values of the Host header that name this server.
-    pages : connections of the pages that are open.
-    molding : held by the one export of a mould that runs.
+    changed : fields of the address of the first state, see `explorer_state`.
+    port : port to listen on; 0 for any free one. BadInput is raised for one that cannot be used.
     needed : requirements whose margins the pages show.
     made : calibrated sensor whose forces and readings they show.
     zero : called when a page asks for a zero of the stream that it shows.
     """
 
-    token: str
-    hosts: frozenset[str]
-    workers: explorer_workers.Workers
-    pages: set[Live]
-    molding: asyncio.Lock
-    needed: Requirements | None = None
-    made: Fit | None = None
-    zero: Callable[[], None] | None = None
+    def __init__(
+        self,
+        changed: Mapping[str, str] = MappingProxyType({}),
+        port: int = 0,
+        needed: Requirements | None = None,
+        made: Fit | None = None,
+        zero: Callable[[], None] | None = None,
+    ) -> None:
+        if not 0 <= port <= 65535:
+            raise BadInput(f"--port must lie between 0 (any free one) and 65535; got {port}")
+        try:
+            sockets = tornado.netutil.bind_sockets(port, "127.0.0.1")
+        except OSError as error:
+            cause = error.strerror or str(error)
+            raise BadInput(
+                f"port {port} cannot be used ({cause}): choose another --port, or 0 for a free one"
+            ) from None
+        self.needed, self.made, self.zero = needed, made, zero
+        self.workers = explorer_workers.Workers(asyncio.get_running_loop())
+        self.pages: set[Live] = set()
+        # held by the one export of a mould that runs
+        self.molding = asyncio.Lock()
+        self._token, number = secrets.token_urlsafe(24), sockets[0].getsockname()[1]
+        self._hosts = {f"127.0.0.1:{number}", f"localhost:{number}"}
+        # browsers share cookies between the ports of a host, so the name has the port
+        self.cookie = f"magtip_token_{number}"
+        fragment = f"#{urlencode(changed)}" if changed else ""
+        self.address = f"http://127.0.0.1:{number}/?token={self._token}{fragment}"
+        self._server = tornado.httpserver.HTTPServer(application(self), max_body_size=MOST_BYTES)
+        self._server.add_sockets(sockets)
 
     def request_of(self, content: object) -> Request:
         """Return the request in a message of a page, with what the explorer was started with."""
         return replace(request_of(content), needed=self.needed, made=self.made)
 
+    def is_own(self, origin: str) -> bool:
+        """Return whether the Origin header of a request names this server."""
+        scheme, _, host = origin.partition("://")
+        return scheme == "http" and host.lower() in self._hosts
+
+    def admits(self, handler: tornado.web.RequestHandler) -> bool:
+        """Return whether a request comes from a page of this server."""
+        headers, origin = handler.request.headers, handler.request.headers.get("Origin")
+        if handler.request.host.lower() not in self._hosts or (origin is not None and not self.is_own(origin)):
+            return False
+        tokens = headers.get("X-Token"), handler.get_query_argument("token", None), handler.get_cookie(self.cookie)
+        return hmac.compare_digest(next(filter(None, tokens), "").encode(), self._token.encode())
+
+    def give_cookie(self, handler: tornado.web.RequestHandler) -> None:
+        """Give the browser the token, for requests without it in their address."""
+        handler.set_cookie(self.cookie, self._token, httponly=True, samesite="Strict", path="/")
+
+    def send(self, text: str) -> None:
+        """Send a text to all pages."""
+        for page in self.pages:
+            page.send(text)
+
+    async def close(self) -> None:
+        """Close all pages and end the worker processes."""
+        self._server.stop()
+        for page in list(self.pages):
+            page.close(1001, "the explorer has been ended")
+        self.workers.close()
+        await asyncio.sleep(0)
+
 
 class Ours(tornado.web.RequestHandler):
     """A handler that knows what all share."""
 
-    def initialize(self, shared: Shared) -> None:
-        self.shared = shared
+    def initialize(self, server: Server) -> None:
+        self.server = server
 
     def log_exception(self, *error: Any) -> None:
         """Log bugs only: a refused request and a closed tab are none."""
@@ -117,7 +165,7 @@ class Guarded(Ours):
         self.set_header("Cache-Control", "no-store")
 
     def prepare(self) -> None:
-        if not is_allowed(self):
+        if not self.server.admits(self):
             raise tornado.web.HTTPError(403)
 
     def get(self, name: str = "") -> None:
@@ -128,77 +176,52 @@ class Guarded(Ours):
         self.finish(f"{status_code}: {self._reason}\n")
 
 
-def is_allowed(handler: Ours) -> bool:
-    """Return whether a request comes from the page of this server."""
-    shared, request = handler.shared, handler.request
-    given = (
-        request.headers.get("X-Token")
-        or handler.get_query_argument("token", None)
-        or handler.get_cookie(cookie_name(shared))
-        or ""
-    )
-    origin = request.headers.get("Origin")
-    if request.host.lower() not in shared.hosts or (origin is not None and not is_own(origin, shared)):
-        return False
-    return hmac.compare_digest(given.encode(), shared.token.encode())
-
-
-def is_own(origin: str, shared: Shared) -> bool:
-    """Return whether the Origin header of a request names this server."""
-    scheme, _, host = origin.partition("://")
-    return scheme == "http" and host.lower() in shared.hosts
-
-
-def cookie_name(shared: Shared) -> str:
-    """Return the name of the cookie; browsers share cookies between the ports of a host, so it names the port."""
-    return f"{COOKIE}_{min(shared.hosts).rpartition(':')[2]}"
-
-
 class Files(Guarded):
     """The page, its scripts, styles and pictures, and its controls with the values of the preset."""
 
     def get(self, name: str = INDEX) -> None:
         if name == INDEX:
-            shared = self.shared
-            self.set_cookie(cookie_name(shared), shared.token, httponly=True, samesite="Strict", path="/")
-        if name != CONTROLS and name not in FILES:
+            self.server.give_cookie(self)
+        if name == CONTROLS:
+            content = json.dumps({"fields": explorer_fields(paper(), self.server.needed), "charts": page_charts()})
+        elif name in FILES:
+            content = FILES[name].read_text("utf-8")
+        else:
             raise tornado.web.HTTPError(404)
         self.set_header("Content-Type", TYPES[Path(name).suffix])
-        made = name == CONTROLS
-        content = {"fields": explorer_fields(paper(), self.shared.needed), "charts": page_charts()} if made else None
-        self.finish(json.dumps(content) if made else FILES[name].read_bytes())
+        self.finish(content)
 
 
 class Live(Ours, tornado.websocket.WebSocketHandler):
     """The connection of one page: requests in, answers out."""
 
     def prepare(self) -> None:
-        if not is_allowed(self) or len(self.shared.pages) >= MOST_PAGES:
+        if not self.server.admits(self) or len(self.server.pages) >= MOST_PAGES:
             raise tornado.web.HTTPError(403)
 
     def check_origin(self, origin: str) -> bool:
-        return is_own(origin, self.shared)
+        return self.server.is_own(origin)
 
     def get_compression_options(self) -> None:
         return None
 
     def open(self, *args: str, **kwargs: str) -> None:
         self.set_nodelay(True)
-        self.shared.pages.add(self)
+        self.server.pages.add(self)
 
     def on_message(self, message: str | bytes) -> None:
         content: object = None
         try:
             content = parsed(message)
-            if content == {"zero": True} and self.shared.zero is not None:
-                self.shared.zero()
+            if content == {"zero": True} and self.server.zero is not None:
+                self.server.zero()
                 return
-            request = self.shared.request_of(content)
+            request = self.server.request_of(content)
             if "commands" in request.parts:
                 data = state_exports.commands(request.state)
                 self.send(encoded(request.number, request.side, part="commands", level="formula", data=data))
             if set(request.parts) - {"commands"}:
-                self.shared.workers.ask((id(self), request.side), request, self.send)
+                self.server.workers.ask((id(self), request.side), request, self.send)
         except BadInput as error:
             field = wrong_field(content) if isinstance(content, dict) else None
             self.send(refusal(content, str(error), field))
@@ -212,9 +235,9 @@ class Live(Ours, tornado.websocket.WebSocketHandler):
             self.write_message(text).add_done_callback(lambda sent: sent.cancelled() or sent.exception())
 
     def on_close(self) -> None:
-        self.shared.pages.discard(self)
+        self.server.pages.discard(self)
         for side in ("a", "b"):
-            self.shared.workers.forget((id(self), side))
+            self.server.workers.forget((id(self), side))
 
 
 def parsed(text: str | bytes) -> object:
@@ -234,9 +257,9 @@ def refusal(content: object, sentence: str, field: str | None = None) -> str:
     )
 
 
-def application(shared: Shared) -> tornado.web.Application:
-    """Return the routes of the server."""
-    options = {"shared": shared}
+def application(server: Server) -> tornado.web.Application:
+    """Return the routes of a server."""
+    options = {"server": server}
     return tornado.web.Application(
         [
             ("/", Files, options),
@@ -262,7 +285,7 @@ class Export(Guarded):
             raise tornado.web.HTTPError(404)
         try:
             self.making = asyncio.ensure_future(
-                self._content(name, self.shared.request_of(parsed(self.request.body)))
+                self._content(name, self.server.request_of(parsed(self.request.body)))
             )
             content = await self.making
         except asyncio.CancelledError:
@@ -281,8 +304,8 @@ class Export(Guarded):
         if name == "design.toml":
             return user_input.design_text(request.state.design).encode()
         if name != "mold.zip":
-            return await self.shared.workers.export(name, request)
-        async with self.shared.molding:
+            return await self.server.workers.export(name, request)
+        async with self.server.molding:
             return await state_exports.mold(request.state)
 
     def on_connection_close(self) -> None:
@@ -292,78 +315,13 @@ class Export(Guarded):
 
 
 @dataclass(frozen=True, slots=True)
-class Running:
-    """A server that listens.
-
-    Attributes
-    ----------
-    address : address of the page, with its token and the first state.
-    """
-
-    address: str
-    shared: Shared
-    server: tornado.httpserver.HTTPServer
-
-    def send(self, text: str) -> None:
-        """Send a text to all pages."""
-        for page in self.shared.pages:
-            page.send(text)
-
-    async def close(self) -> None:
-        """Close all pages and end the worker processes."""
-        self.server.stop()
-        for page in list(self.shared.pages):
-            page.close(1001, "the explorer has been ended")
-        self.shared.workers.close()
-        await asyncio.sleep(0)
-
-
-def start(
-    changed: dict[str, str],
-    port: int = 0,
-    needed: Requirements | None = None,
-    made: Fit | None = None,
-    zero: Callable[[], None] | None = None,
-) -> Running:
-    """Begin to listen; an event loop must run.
-
-    Parameters
-    ----------
-    changed : fields of the address of the first state, see `explorer_state`.
-    port : port to listen on; 0 for any free one.
-    needed, made, zero : of `Shared`.
-
-    Raises
-    ------
-    BadInput
-        The port cannot be used.
-    """
-    if not 0 <= port <= 65535:
-        raise BadInput(f"--port must lie between 0 (any free one) and 65535; got {port}")
-    try:
-        sockets = tornado.netutil.bind_sockets(port, "127.0.0.1")
-    except OSError as error:
-        cause = error.strerror or str(error)
-        raise BadInput(f"port {port} cannot be used ({cause}): choose another --port, or 0 for a free one") from None
-    number = sockets[0].getsockname()[1]
-    hosts = frozenset({f"127.0.0.1:{number}", f"localhost:{number}"})
-    token = secrets.token_urlsafe(24)
-    workers = explorer_workers.Workers(asyncio.get_running_loop())
-    shared = Shared(token, hosts, workers, set(), asyncio.Lock(), needed, made, zero)
-    server = tornado.httpserver.HTTPServer(application(shared), max_body_size=MOST_BYTES)
-    server.add_sockets(sockets)
-    fragment = f"#{urlencode(changed)}" if changed else ""
-    return Running(f"http://127.0.0.1:{number}/?token={token}{fragment}", shared, server)
-
-
-@dataclass(frozen=True, slots=True)
 class Measuring:
     """A stream of readings that runs beside the server.
 
     Attributes
     ----------
     run : called in a thread of its own, with a function that sends a text to all pages; returns when `ended` is set.
-    zero : of `Shared`.
+    zero : of `Server`.
     """
 
     run: Callable[[Callable[[str], None]], None]
@@ -379,10 +337,10 @@ def serve(
     ready: Callable[[str], None],
     measuring: Measuring | None = None,
 ) -> None:
-    """Serve the page until Ctrl-C; `ready` takes its address when the server listens, for the rest see `start`."""
+    """Serve the page until Ctrl-C; `ready` takes its address when the server listens, for the rest see `Server`."""
 
     async def served() -> None:
-        running = start(changed, port, needed, made, measuring.zero if measuring else None)
+        running = Server(changed, port, needed, made, measuring.zero if measuring else None)
         thread: threading.Thread | None = None
         stop, loop = asyncio.Event(), asyncio.get_running_loop()
         for number in (signal.SIGINT, signal.SIGTERM):

@@ -26,6 +26,7 @@ from studies.web.explorer_state import Request, request_of
 from studies.web.page_content import as_json
 
 if TYPE_CHECKING:
+    from studies.web.explorer_answers import Answer as PartAnswer
     from studies.web.explorer_answers import Answers
 
 GRACE = 1.0
@@ -95,7 +96,8 @@ def do(job: Job) -> bytes | None:
         with watched(run.watch):
             if job.export:
                 return answers.export(job.export, job.request)
-            run.answer(answers)
+            for answer in answers.all_of(job.request, job.level):
+                run.take(answer)
     except GivenUp:
         pass
     except BadInput:
@@ -114,21 +116,17 @@ class _Run:
         self.job, self.sender, self.pictured = job, worker_process.sender(), False
         self.begin = self.last_progress = time.monotonic()
 
-    def answer(self, answers: Answers) -> None:
-        """Say all answers to the request."""
-        job = self.job
-        for answer in answers.all_of(job.request, job.level):
-            if answer is not None:
-                part, level, data = answer
-                # the times that the job has waited and has taken, ms
-                waited, taken = self.begin - job.asked, time.monotonic() - self.begin
-                times = round(1000 * waited, 1), round(1000 * taken, 1)
-                self.say(part=part, level=level, times=times, data=data)
-            else:
-                self.pictured = True
-                self.sender.has_given_up(job.number, PAUSE)
-            if self.pictured:
-                self.watch(0.0)
+    def take(self, answer: PartAnswer | None) -> None:
+        """Say an answer with the times that the job has waited and has taken, ms; None ends the picture."""
+        if answer is not None:
+            part, level, data = answer
+            waits = self.begin - self.job.asked, time.monotonic() - self.begin
+            self._say(part=part, level=level, times=[round(1000 * wait, 1) for wait in waits], data=data)
+        else:
+            self.pictured = True
+            self.sender.has_given_up(self.job.number, PAUSE)
+        if self.pictured:
+            self.watch(0.0)
 
     def watch(self, share: float) -> None:
         """End a job that is useless, and report progress of a long one."""
@@ -138,11 +136,10 @@ class _Run:
         if now - self.last_progress > PROGRESS:
             self.last_progress = now
             seconds = round(now - self.begin, 1)
-            self.say(progress={"share": round(share, 3), "seconds": seconds, "level": self.job.level})
+            self._say(progress={"share": round(share, 3), "seconds": seconds, "level": self.job.level})
 
-    def say(self, **content: Any) -> None:
-        request = self.job.request
-        self.sender.say(encoded(request.number, request.side, **content))
+    def _say(self, **content: Any) -> None:
+        self.sender.say(encoded(self.job.request.number, self.job.request.side, **content))
 
 
 def fault(error: BaseException) -> str:
