@@ -41,7 +41,6 @@ from studies.web import (
     state_answers,
     state_exports,
     state_pictures,
-    state_tables,
     time_answers,
 )
 from studies.web.explorer_state import ExplorerState, Request
@@ -109,11 +108,18 @@ class Answers:
     def _solved(self, request: Request, level: str) -> Iterator[Answer | None]:
         """Yield the parts that belong to one solution: the state, again with its error estimates, and the figures."""
         state, parts, made = request.state, request.parts, sensor_of(request)
-        other = request.made is not None and made is None
+        calibration = state_answers.NOT_CALIBRATED if request.made is not None and made is None else ""
         decoder = self._kept.values.get(("decoder", state.design))
         solution = solve(self.paths, state, level)
+        section = (
+            {"section": state_pictures.section(state.design, solution, state.magnet)} if "state" in parts else {}
+        )
+
+        def answer() -> Answer:
+            return "state", level, section | state_answers.numbers(state, solution, decoder, made, calibration)
+
         if "state" in parts:
-            yield "state", level, state_answers.answer(state, solution, decoder, made, other=other)
+            yield answer()
         yield None
         if "field_lines" in parts:
             yield "field_lines", level, state_pictures.field_lines(state.design, solution)
@@ -121,21 +127,24 @@ class Answers:
             yield "sensor3d", level, state_pictures.surface(solution)
         if "state" in parts:
             solution = solve_with_estimates(self.paths, state, level)
-            yield "state", level, state_answers.answer(state, solution, decoder, made, other=other)
+            section = {"section": state_pictures.section(state.design, solution, state.magnet)}
+            yield answer()
             if decoder is None and made is None and state.design.shape.has_magnet:
                 yield None
-                decoder = self._decoder(state.design)
-                yield "state", level, state_answers.answer(state, solution, decoder, other=other)
+                decoder = self._kept.get(("decoder", state.design), lambda: state_answers.build_decoder(state.design))
+                yield answer()
 
     def _curve(self, request: Request, level: str) -> Data:
         """Return the curve; at level quick its error estimates follow only if it is not refined."""
         state, made = request.state, sensor_of(request)
-        design, magnet, estimate = state.design, state.magnet, level == state.level
-        key = ("curve", mechanics(design), magnet, level, estimate)
-        data = self._kept.get(key, lambda: state_answers.curve(design, magnet, level, estimate=estimate))
-        data = data if made is None else state_answers.curve_of_made_sensor(data, design, made)
-        data = state_answers.with_formulas(data, design)
-        return data | {"figures": state_tables.curve_figures(data)}
+        estimate = level == state.level
+        key = ("curve", mechanics(state.design), state.magnet, level, estimate, made is None)
+
+        def curve() -> Data:
+            return state_answers.curve(state.design, state.magnet, level, made, estimate=estimate)
+
+        data: Data = self._kept.get(key, curve)
+        return data
 
     def _stability(self, state: ExplorerState, level: str) -> Iterator[Answer]:
         """Yield the stability by the surrogate, and by finite elements at the level of the state."""
@@ -188,9 +197,6 @@ class Answers:
             yield "loop", "linear", time_answers.linear_loop(state, motion)
         if level == state.level:
             yield "loop", level, self._kept.get(key, lambda: time_answers.loop(state, motion, made))
-
-    def _decoder(self, design: Design) -> Any:
-        return self._kept.get(("decoder", design), lambda: state_answers.build_decoder(design))
 
 
 def sensor_of(request: Request) -> Fit | None:

@@ -30,7 +30,7 @@ from studies.inputs import user_input
 from studies.inputs.option_groups import Motion
 from studies.output import atomic_files
 from studies.output.page_templates import rendered
-from studies.web import state_answers, state_exports, state_pictures, state_tables
+from studies.web import state_answers, state_exports, state_pictures
 from studies.web.explorer_state import RATES, ExplorerState, Level, components, explorer_fields
 from studies.web.page_content import PAGE, as_json, packed, page_charts
 
@@ -168,12 +168,12 @@ def in_direction(solution: Solution, direction: float) -> Solution:
 def page(design: Design, stops: Stops, states: list[list[Data]]) -> str:
     """Return the page of a design whose states are solved."""
     magnet = magnet_of(design)
-    curve = state_answers.with_formulas(state_answers.curve(design, magnet, LEVEL, estimate=True), design)
+    curve = state_answers.curve(design, magnet, LEVEL)
     content: Data = {
         "fields": _fields(design, stops),
         "stops": {"depth": stops.depth, "shear": stops.shear, "direction": stops.direction},
         "states": states,
-        "curve": {"figures": state_tables.curve_figures(curve)},
+        "curve": {"figures": curve["figures"]},
         "charts": page_charts(),
         "stability": state_answers.by_finite_elements(design, magnet, LEVEL),
         "files": {

@@ -24,7 +24,7 @@ from studies.sizing.candidate_performance import Performance
 from studies.sizing.candidate_variables import Variant
 from studies.sizing.catalogues import catalogues_of
 from studies.sizing.requirements import Requirements, read_requirements
-from studies.web.state_tables import number
+from studies.web.state_answers import number
 from studies.web.time_answers import refusal
 
 Data = dict[str, Any]

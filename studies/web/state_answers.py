@@ -1,5 +1,9 @@
 """The parts `state`, `curve` and `stability` of a page: numbers of one state, and what depends on the design alone.
 
+A table has `columns` (names of the values and of what stands beside them, "" for nothing), `rows` (see `number`) and
+a `message`. A figure has its `chart` in `page/charts.json`, the `title` of its values and its `rows`. What depends on
+the level of the formulas stands by the names of all levels: the page shows the chosen one.
+
 A state has its response, error estimates, readings, decoded load and formulas. The press of a curve has no friction,
 whatever the friction of the shear. The stability comes first from the surrogate and then from finite elements.
 """
@@ -21,14 +25,11 @@ from fem.equilibrium import trace
 from fem.solution import Solution
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
-from geometry.loads import Load, Magnet, Response
+from geometry.loads import ANSWERED, Load, Magnet, Response
 from studies.mechanics import surrogate_range, surrogate_response
 from studies.mechanics.path_solver import frequency_unit
 from studies.simulation.compare import default_loads
-from studies.web import state_tables
 from studies.web.explorer_state import ExplorerState
-from studies.web.state_pictures import section
-from studies.web.state_tables import number
 
 if TYPE_CHECKING:
     from analytic.decode import Decoder
@@ -41,31 +42,28 @@ CALIBRATED = "Force, readings and decoded load are those of the calibrated senso
 NOT_CALIBRATED = "This is not the design that was calibrated: all numbers are those of the design."
 
 Data = dict[str, Any]
+PENDING = "± …"
+"""In place of a half width that follows."""
+AXES = ("force along x", "force along y", "normal force")
+ROOM = 1.05
+"""End of the axis of the readings over the rail."""
 
 
-def answer(
-    state: ExplorerState,
-    solution: Solution,
-    decoder: Decoder | None = None,
-    made: Fit | None = None,
-    *,
-    other: bool = False,
-) -> Data:
-    """Return the data of the part `state`; without a decoder, `decoded` is None.
-
-    Parameters
-    ----------
-    made : calibrated sensor of this design, whose force, readings and decoded load these are.
-    other : whether the page was started with the calibration of another design.
-    """
-    picture = {"section": section(state.design, solution, state.magnet)}
-    return picture | numbers(state, solution, decoder, made, NOT_CALIBRATED if other else "")
+def number(name: str, unit: str, value: float | None, half_width: Any = None, beside: Any = None) -> Data:
+    """Return a row: a value, None where it is unknown, its half width or a text, and what stands beside them."""
+    return {"name": name, "unit": unit, "value": value, "half_width": half_width, "beside": beside}
 
 
 def numbers(
     state: ExplorerState, solution: Solution, decoder: Decoder | None, made: Fit | None = None, calibration: str = ""
 ) -> Data:
-    """Return the data of the part `state` without its section."""
+    """Return the data of the part `state` without its section; without a decoder, `decoded` is None.
+
+    Parameters
+    ----------
+    made : calibrated sensor of this design, whose force, readings and decoded load these are.
+    calibration : what the page says of the calibration with which it was started.
+    """
     widths = half_widths(solution)
     data = {
         "calibration": calibration,
@@ -81,7 +79,12 @@ def numbers(
     }
     if made is not None:
         data |= _of_made_sensor(data, state.design, solution.response, made)
-    return data | {"tables": state_tables.of_state(data), "figures": {"readings": state_tables.readings_figure(data)}}
+    tables = {
+        "response": _response_table(data),
+        "readings": _readings_table(data),
+        "decoded": _decoded_table(data),
+    }
+    return data | {"tables": tables, "figures": {"readings": _readings_figure(data)}}
 
 
 def response_of_made_sensor(response: Response, design: Design, made: Fit) -> tuple[Response, Data]:
@@ -136,18 +139,6 @@ def _of_made_sensor(data: Data, design: Design, response: Response, made: Fit) -
             "noise": None,
         },
     }
-
-
-def curve_of_made_sensor(data: Data, design: Design, made: Fit) -> Data:
-    """Return a curve of a design with the forces of its calibrated sensor, and their half widths."""
-    shift, load = (np.zeros((len(data["depth"]), 3)) for _ in range(2))
-    shift[:, 2], load[:, 2] = data["shift"], data["force"]
-    _, _, force, half = made.answers(design.E, shift, np.zeros((len(shift), 2)), load)
-    widths = [
-        None if own is None else math.hypot(own, more)
-        for own, more in zip(data["estimates"]["force"], half[:, 2].tolist(), strict=True)
-    ]
-    return data | {"force": force[:, 2].tolist(), "estimates": data["estimates"] | {"force": widths}}
 
 
 def response_data(response: Response) -> Data:
@@ -282,32 +273,38 @@ def formula(design: Design, load: Load, level: str) -> Data:
     return response_data(response) | {"message": beam.outside(design, load, level)}
 
 
-def curve(design: Design, magnet: Magnet, level: str, *, estimate: bool) -> Data:
-    """Return the curve by finite elements; states beyond the first that fails are left out."""
-    loads, _ = default_loads(design)
-    states = trace(design, loads, LEVELS[level], magnet=magnet, estimate=estimate)
-    solved = [state for state in states if state.status in ("ok", "unstable")]
-    rows = [(state.response, state.estimates) for state in solved]
-    return {
-        "depth": [state.load.depth for state in solved],
-        "force": [response.force[2] for response, _ in rows],
+def curve(design: Design, magnet: Magnet, level: str, made: Fit | None = None, *, estimate: bool = True) -> Data:
+    """Return the press by finite elements up to the first state that fails, and by the formulas: None out of range.
+
+    made : calibrated sensor of this design, whose forces and half widths these are.
+    """
+    states = trace(design, default_loads(design)[0], LEVELS[level], magnet=magnet, estimate=estimate)
+    solved = [state for state in states if state.status in ANSWERED]
+    depths, rows = [state.load.depth for state in solved], [(state.response, state.estimates) for state in solved]
+    force = [response.force[2] for response, _ in rows]
+    half = [_times(share.force, math.hypot(*response.force)) for response, share in rows]
+    if made is not None:
+        shift, load = (np.array([getattr(one, name) for one, _ in rows]) for name in ("shift", "force"))
+        _, _, felt, own = made.answers(design.E, shift, np.zeros((len(rows), 2)), load)
+        force = felt[:, 2].tolist()
+        half = [w if w is None else math.hypot(w, more) for w, more in zip(half, own[:, 2].tolist(), strict=True)]
+    formulas: Data = {}
+    for name in beam.LEVELS:
+        answers = [formula(design, Load(depth=depth), name) for depth in depths]
+        formulas[name] = {key: [one[key] and one[key][2] for one in answers] for key in ("force", "shift")}
+    data = {
+        "depth": depths,
+        "force": force,
         "shift": [response.shift[2] for response, _ in rows],
         "estimates": {
-            "force": [_times(share.force, math.hypot(*response.force)) for response, share in rows],
+            "force": half,
             "shift": [_times(share.shift, math.hypot(*response.shift)) for response, share in rows],
         },
         "status": [state.status for state in solved],
         "message": states[-1].message,
+        "formulas": formulas,
     }
-
-
-def with_formulas(data: Data, design: Design) -> Data:
-    """Return a curve with the formulas of all levels at its depths; None beyond their range."""
-    formulas: Data = {}
-    for level in beam.LEVELS:
-        answers = [formula(design, Load(depth=depth), level) for depth in data["depth"]]
-        formulas[level] = {name: [one[name] and one[name][2] for one in answers] for name in ("force", "shift")}
-    return data | {"formulas": formulas}
+    return data | {"figures": _curve_figures(data)}
 
 
 def by_surrogate(design: Design, magnet: Magnet) -> Data | None:
@@ -362,3 +359,110 @@ def by_finite_elements(design: Design, magnet: Magnet, level: str) -> Data:
     force = number("critical force", "N", critical.force, _times(estimates.force, critical.force))
     stable = number("stable to", "mm", critical.stable_to)
     return _stability(numbers, "finite elements", message, force, stable)
+
+
+# Tables of rows with words, units and half widths, notes below them, and figures
+
+
+def _response_table(data: Data) -> Data:
+    response, widths, formulas = data["response"], data["estimates"], data["formulas"]
+    is_known = widths["force"] is not None
+
+    def row(name: str, unit: str, quantity: str, k: int | None = None) -> Data:
+        def at(values: Any) -> Any:
+            return values if values is None or k is None else values[k]
+
+        beside = {level: at(one.get(quantity)) for level, one in formulas.items()}
+        if quantity.startswith("tilt") and beside["paper"] is None and formulas["paper"]["force"]:
+            beside["paper"] = "no formula"
+        half = widths["tilt" if quantity == "tilt_y" else quantity]
+        pending = None if quantity == "contact_radius" else PENDING
+        return number(name, unit, at(response[quantity]), at(half) if is_known else pending, beside)
+
+    rows = [row(name, "N", "force", k) for k, name in zip((2, 0, 1), (AXES[2], *AXES[:2]), strict=True)]
+    rows += [row(f"shift along {axis}", "mm", "shift", k) for k, axis in enumerate("xyz")]
+    rows += [row("tilt towards x", "deg", "tilt"), row("tilt towards y", "deg", "tilt_y")]
+    notes = {
+        level: " ".join(filter(None, [data["calibration"], one["message"] and f"Formula {level}: {one['message']}"]))
+        for level, one in formulas.items()
+    }
+    return {
+        "columns": ["finite elements", {level: f"formula {level}" for level in formulas}],
+        "rows": [*rows, row("contact radius", "mm", "contact_radius")],
+        "message": notes,
+    }
+
+
+def _readings_table(data: Data) -> Data:
+    read = data["readings"]
+    if read is None or "volts" not in read:
+        return {"rows": [], "message": read["message"] if read else "This sensor has no magnet to read."}
+    half = read["half_width"] or [PENDING] * len(read["volts"])
+    rows = [
+        number(f"{name} (at its rail)" if saturated else name, unit, volts, width, volts - rest)
+        for name, unit, volts, rest, width, saturated in zip(
+            read["elements"], read["units"], read["volts"], read["rest"], half, read["saturated"], strict=True
+        )
+    ]
+    return {"columns": ["under this load", "change"], "rows": rows, "message": ""}
+
+
+def _decoded_table(data: Data) -> Data:
+    found, read = data["decoded"], data["readings"]
+    if read is None or "volts" not in read:
+        return {"rows": [], "message": "There are no readings to decode."}
+    force, half, noise = ((found and found[key]) or [None] * 3 for key in ("force", "half_width", "noise"))
+    rows = [number(*row) for row in zip(AXES, "NNN", force, half, noise, strict=True)]
+    return {"columns": ["from the readings", "noise (rms)"], "rows": rows, "message": found and _decoding(data)}
+
+
+def _decoding(data: Data) -> str:
+    """Return what the decoded load rests on; half widths of formulas are those of their fit to the readings."""
+    found, status = data["decoded"], data["decoded"]["status"].replace("_", " ")
+    if found["level"] == "calibration":
+        return f"By the calibration, status {status}: 90 % intervals, with noise."
+    text = f"By the formulas of level {found['level']}, status {status}."
+    if found["force"]:
+        off = [abs(own - fem) for own, fem in zip(found["force"], data["response"]["force"], strict=True)]
+        where = f"here the {AXES[off.index(max(off))]} is {max(off):.4g} N off the finite elements"
+        text += f" Half widths do not cover the error of the formulas: {where}."
+    return text + ("" if found["noise"] else " Give the Hall elements a noise to see its effect on the forces.")
+
+
+def _readings_figure(data: Data) -> Data | None:
+    """Return the readings as bars, with those at rest; the axis ends beyond the rails. None without readings."""
+    read = data["readings"]
+    if read is None or "volts" not in read:
+        return None
+    half, ends = read["half_width"] or [0.0] * len(read["volts"]), [ROOM * end for end in read["high"]]
+    if min(read["volts"]) < 0:
+        ends[0] = -ends[0]
+    columns = {"value": read["volts"], "rest": read["rest"], "end": ends}
+    rows = [dict(zip(columns, values, strict=True)) for values in zip(*columns.values(), strict=True)]
+    for name, row, width in zip(read["elements"], rows, half, strict=True):
+        # of several chips, whose names would overlap, the number and the axis
+        short = name.removeprefix("chip") if name.startswith("chip") and name[4:5].isdigit() else name
+        row |= {"element": short, "low": row["value"] - width, "high": row["value"] + width}
+    return {"chart": "readings", "title": f"reading ({read['units'][0]})", "rows": rows}
+
+
+CURVES = {"force": ("normal force (N)", 1.0), "shift": ("shift downwards (mm)", -1.0)}
+
+
+def _curve_figures(data: Data) -> Data:
+    """Return force and shift over the depth by finite elements and by the formulas of all levels."""
+    figures = {}
+    for quantity, (title, sign) in CURVES.items():
+        lines = {"finite elements": (data[quantity], data["estimates"][quantity])}
+        for level in beam.LEVELS:
+            name = "paper's formula" if level == "paper" else f"formula {level}"
+            lines[name] = data["formulas"][level][quantity], [None] * len(data["depth"])
+        rows = [
+            {"depth": depth, "value": sign * value, "model": model}
+            | ({} if half is None else {"low": sign * value - half, "high": sign * value + half})
+            for model, (values, widths) in lines.items()
+            for depth, value, half in zip(data["depth"], values, widths, strict=True)
+            if value is not None
+        ]
+        figures[quantity] = {"chart": "curve", "title": title, "rows": rows}
+    return figures

@@ -30,7 +30,7 @@ from studies.mechanics.cycle_motion import Motion, frequency_of
 from studies.simulation import response_curves
 from studies.simulation.response_curves import At
 from studies.web.explorer_state import ExplorerState
-from studies.web.state_tables import number
+from studies.web.state_answers import number
 
 if TYPE_CHECKING:
     from studies.calibration.sensor_fit import Fit
