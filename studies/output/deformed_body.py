@@ -45,27 +45,19 @@ def parts_of(grid: Any) -> dict[str, Part]:
 
         nodes = np.asarray(grid.cells_dict[pv.CellType.QUADRATIC_TRIANGLE])
         return revolved(rest[:, [0, 2]].T, nodes, displacement, symmetric=True)
-    is_back, is_front = rest[:, 1].min() >= 0, rest[:, 1].max() <= 0
+    cells, is_back, is_front = _flat_cells(grid, rest, u), rest[:, 1].min() >= 0, rest[:, 1].max() <= 0
     if is_back or is_front:
-        half = _half(_surface(grid), size)
+        half = _half(cells, size)
         other = {name: mirrored(part) for name, part in half.items()}
         back, front = (half, other) if is_back else (other, half)
     else:
-        whole = _flat_cells(grid, rest)
-        back, front = (_half(_surface(_clipped(whole, side)), size) for side in (1.0, -1.0))
+        back, front = (_half(cells.clip((0.0, way, 0.0), (0.0, 0.0, 0.0)), size) for way in (-1.0, 1.0))
     parts = {"back": back["skin"], "front": front["skin"], "cut": back["cut"]}
     return parts | ({"magnet": joined(back["magnet"], front["magnet"])} if "magnet" in back else {})
 
 
-def _clipped(whole: Any, side: float) -> Any:
-    """Return the deformed half of an undeformed body on one side of y = 0."""
-    clipped = whole.clip(normal=(0.0, -side, 0.0), origin=(0.0, 0.0, 0.0), invert=True)
-    clipped.points = np.asarray(clipped.points) + np.asarray(clipped.point_data["displacement_mm"])
-    return clipped
-
-
-def _flat_cells(grid: Any, rest: Array) -> Any:
-    """Return each curved tetrahedron as eight flat ones, undeformed.
+def _flat_cells(grid: Any, rest: Array, u: Array) -> Any:
+    """Return each curved tetrahedron as eight flat ones, undeformed, with their displacements.
 
     A plane cuts only some cells, and makes flat ones of them, whose faces a curved neighbour would not share.
     """
@@ -85,27 +77,21 @@ def _flat_cells(grid: Any, rest: Array) -> Any:
     nodes = np.asarray(grid.cells_dict[pv.CellType.QUADRATIC_TETRA])
     cells = np.concatenate([nodes[:, list(four)] for four in few])
     flat = pv.UnstructuredGrid({pv.CellType.TETRA: cells}, rest)
-    flat.point_data["displacement_mm"] = np.asarray(grid.point_data["displacement_mm"])
+    flat.point_data["displacement_mm"] = u
     return flat
 
 
-def _surface(grid: Any) -> Any:
-    """Return the outer triangles of a grid, each curved one as four flat ones."""
+def _half(cells: Any, size: float) -> dict[str, Part]:
+    """Return skin, cut face and pocket of half a body: the skin is the piece that reaches farthest from the axis."""
     import pyvista as pv
     from vtkmodules.vtkFiltersGeometry import vtkDataSetSurfaceFilter
 
     surfaces = vtkDataSetSurfaceFilter()
-    surfaces.SetInputData(grid)
-    surfaces.SetNonlinearSubdivisionLevel(1)
+    surfaces.SetInputData(cells)
     surfaces.Update()
-    return pv.wrap(surfaces.GetOutput()).triangulate()
-
-
-def _half(surfaces: Any, size: float) -> dict[str, Part]:
-    """Return skin, cut face and pocket of half a body: the skin is the piece that reaches farthest from the axis."""
-    u = np.asarray(surfaces.point_data["displacement_mm"], dtype=float)
-    rest = np.asarray(surfaces.points, dtype=float) - u
-    triangles = np.asarray(surfaces.faces).reshape(-1, 4)[:, 1:]
+    surface = pv.wrap(surfaces.GetOutput()).triangulate()
+    u, rest = np.asarray(surface.point_data["displacement_mm"]), np.asarray(surface.points)
+    triangles = np.asarray(surface.faces).reshape(-1, 4)[:, 1:]
     flat = (np.abs(rest[triangles, 1]) < 1e-5 * size).all(axis=1)
     walls = triangles[~flat]
     label = connected(np.concatenate([walls[:, :2], walls[:, 1:]]), len(rest))[walls[:, 0]]

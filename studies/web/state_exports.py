@@ -8,10 +8,9 @@ from __future__ import annotations
 
 import asyncio
 import dataclasses
-import io
 import shlex
+import shutil
 import tempfile
-import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -208,16 +207,7 @@ def _mold_archive(task: tuple[Design, str]) -> bytes:
         row = build(design, Path(folder, "mold"), lambda share, text: None, choices, command=command)
         if row["status"] != "ok":
             raise BadInput(row["message"])
-        return _zipped(row["folder"])
-
-
-def _zipped(folder: Path) -> bytes:
-    target = io.BytesIO()
-    with zipfile.ZipFile(target, "w", zipfile.ZIP_DEFLATED) as archive:
-        for path in sorted(folder.rglob("*")):
-            if path.is_file():
-                archive.write(path, path.relative_to(folder).as_posix())
-    return target.getvalue()
+        return Path(shutil.make_archive(str(Path(folder, "archive")), "zip", row["folder"])).read_bytes()
 
 
 def of_solution(name: str, state: ExplorerState, solution: Solution, made: Fit | None = None) -> bytes:
