@@ -102,9 +102,11 @@ def answer(
         formulas: paper, column, tip, magnet, finite; or a `FemModel` with an accuracy and a name of its own.
     base : what the columns do not say; default: the paper's sensor. Its Hall elements keep their places in the base
         where L or D vary, unless `l0_mm` is a column.
-    quantities : any of force, shift, tilt, contact_radius, strain, readings, decoded_force_error, critical_depth,
-        modes, response, cycle; critical depths are those of frictionless presses, whatever the loads, by the finest
-        finite elements. Default: force, shift, contact_radius, readings (with a magnet), tilt (loads sideways).
+    quantities : any of force, shift, tilt, contact_radius, strain, sideways_stiffness (over that of the unpressed
+        beam: of frictionless presses by finite elements), readings, decoded_force_error, critical_depth (with the
+        depth `stable_to_mm` to which the beam is stable), modes, response, cycle; critical depths are those of
+        frictionless presses, whatever the loads, by the finest finite elements. Default: force, shift,
+        contact_radius, readings (with a magnet), tilt (loads sideways).
     reference : name of the model that errors are relative to; default: the finest finite elements.
     store : file that keeps all solved states, a path; default: the user's.
     workers, scheduler : number of processes that solve (default: as many as pay), or address of a Dask scheduler;

@@ -42,14 +42,18 @@ def ask(tmp_path):
 
 def test_each_row_has_its_answers_by_all_models(ask):
     table = pd.DataFrame({"L_mm": [8, 10.0, 8], "E_MPa": [1.0, 2.0, 0.5], "depth_mm": 0.8}, index=["a", "b", "a"])
-    found = ask(table, ["fem:quick", "finite", "surrogate"], quantities=["force", "shift"])
+    found = ask(table, ["fem:quick", "finite", "surrogate"], quantities=["force", "shift", "sideways_stiffness"])
     assert list(found.index) == ["a", "b", "a"]
     assert list(found["status"]) == ["ok"] * 3
     assert (found["L_mm"].to_numpy() == table["L_mm"]).all()
     for k, (L, E) in enumerate([(8, 1.0), (10, 2.0), (8, 0.5)]):
         design, load = replace(paper(), L=L, l0=paper().l0 + L - paper().L, E=E), Load(depth=0.8)
         row = found.iloc[k]
-        assert row["fem_force_N"] == pytest.approx(solve(design, load, QUICK).response.force[2], rel=1e-9)
+        solved = solve(design, load, QUICK)
+        assert row["fem_force_N"] == pytest.approx(solved.response.force[2], rel=1e-9)
+        ratio = solved.facts.sideways_stiffness_ratio
+        assert row["fem_sideways_stiffness_ratio"] == pytest.approx(ratio, rel=1e-9)
+        assert math.isnan(row["surrogate_sideways_stiffness_ratio"])
         assert row["analytic_force_N"] == pytest.approx(beam.solve(design, load, "finite").force[2], rel=1e-12)
         estimate = surrogate_response.respond(design, load)
         assert row["surrogate_force_N"] == pytest.approx(estimate.response.force[2], rel=1e-9)

@@ -6,12 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
-from stores import temporary
 
 from fem.accuracy import QUICK
 from studies.mechanics import prediction, surrogate_range
 from studies.mechanics.prediction import Beams
-from studies.mechanics.solve_plan import Processes
 from studies.mechanics.surrogate_file import GaussianProcess
 from studies.output.goals import missed
 from studies.output.result import write
@@ -34,13 +32,14 @@ DEPTHS, SHEARS = 2, 1
 
 
 @pytest.fixture(scope="module")
-def result():
-    with temporary() as memory, pytest.MonkeyPatch.context() as patch:
+def result(tmp_path_factory):
+    with pytest.MonkeyPatch.context() as patch:
         # the intervals are scaled by the beams of the test, which are then solved once
         patch.setattr(surrogate_study, "CALIBRATION", 1)
         patch.setattr(surrogate_study, "RANDOM_DEPTHS", DEPTHS)
         patch.setattr(surrogate_study, "RANDOM_SHEARS", SHEARS)
-        yield surrogate_study.build(EXTENT, memory, Processes(0))
+        store = tmp_path_factory.mktemp("store") / "states.sqlite"
+        yield surrogate_study.build(EXTENT, {"store": store, "workers": 0})
 
 
 def test_training_has_the_beams_of_the_rounds_and_gets_back_their_own_states(result):

@@ -379,8 +379,9 @@ class Sweep:
     """Models side by side, such as quick,standard,paper,finite: accuracies of the finite elements (half-quick for
     another model than auto), surrogate, and levels of the formulas; default: standard,paper."""
     quantities: str | None = None
-    """Any of force, shift, tilt, contact_radius, strain, readings, decoded_force_error, critical_depth, modes,
-    response, cycle; default: force, shift, contact_radius, readings, and tilt if a load acts sideways."""
+    """Any of force, shift, tilt, contact_radius, strain, sideways_stiffness, readings, decoded_force_error,
+    critical_depth, modes, response, cycle; default: force, shift, contact_radius, readings, and tilt if a load acts
+    sideways."""
     tolerance: Annotated[str | None, TOLERANCE] = None
 
 

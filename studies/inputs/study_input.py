@@ -250,8 +250,8 @@ def _listed(words: Sequence[str]) -> str:
 VERSION = 2
 """Newest version of the format of study files that can be read; older ones are subsets of it."""
 QuantityName = Literal[
-    "force", "shift", "tilt", "contact_radius", "strain", "readings", "decoded_force_error", "critical_depth",
-    "modes", "response", "cycle",
+    "force", "shift", "tilt", "contact_radius", "strain", "sideways_stiffness", "readings", "decoded_force_error",
+    "critical_depth", "modes", "response", "cycle",
 ]  # fmt: skip
 QUANTITIES: tuple[QuantityName, ...] = get_args(QuantityName)
 """Quantities of a study, in the order of their columns."""

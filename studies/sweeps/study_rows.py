@@ -43,6 +43,11 @@ COMPONENTS = {
     "contact_radius": ("contact_radius_mm",),
 }
 """Columns of the quantities of a response; where no load acts sideways the first one of each alone."""
+OF_STATES = {
+    "strain": ("largest_strain", "_percent", 100.0),
+    "sideways_stiffness": ("sideways_stiffness_ratio", "", 1.0),
+}
+"""Quantities that stored states say beside their response: names of the value and of its unit, and a factor."""
 POSE = ("shift_x_mm", "shift_y_mm", "shift_z_mm", "tilt_rad", "tilt_y_rad")
 """Columns that place the magnet."""
 MOST_DECODERS = 16
@@ -137,20 +142,20 @@ class Rows:
         remarks: list[list[str]] = [[] for _ in batch.problems]
         results = {name: spread(batch, [a.response for a in answers]) for name, answers in solved.states.items()}
         for level in plan.formulas:
-            found = [self._formula(level, *each) for each in zip(batch.codes, batch.problems, strict=True)]
-            for said, (_, remark) in zip(remarks, found, strict=True):
+            formulas = [self._formula(level, *each) for each in zip(batch.codes, batch.problems, strict=True)]
+            for said, (_, remark) in zip(remarks, formulas, strict=True):
                 said += [remark] if remark and remark not in said else []
-            results[level] = spread(batch, [response for response, _ in found])
+            results[level] = spread(batch, [response for response, _ in formulas])
         if "readings" in plan.quantities and {"magnet_diameter", "magnet_height"} & set(plan.axes):
             for k, problem in enumerate(batch.problems):
                 if problem.design is not None and not problem.design.shape.has_magnet:
                     remarks[k].append("without a magnet there are no readings")
         table = self._axis_columns(batch)
         table |= self._mechanics(results)
-        if "strain" in plan.quantities:
-            for name, answers in solved.states.items():
-                strain = _of_answers(batch, [answer.values.get("largest_strain") for answer in answers])
-                table[f"{self.prefixes[name]}largest_strain_percent"] = 100 * strain
+        for quantity, (value, unit, factor) in OF_STATES.items():
+            for name, answers in solved.states.items() if quantity in plan.quantities else ():
+                found = _of_answers(batch, [answer.values.get(value) for answer in answers])
+                table[f"{self.prefixes[name]}{value}{unit}"] = factor * found
         if "readings" in plan.quantities:
             table |= self._reading_columns(batch, results)
         if "decoded_force_error" in plan.quantities:

@@ -26,7 +26,6 @@ from fem.scene import Model, Scene
 from geometry.bad_input import SolveFailed
 from geometry.loads import Load
 from geometry.messages import Progress
-from studies import cases
 from studies.cases import FemModel
 from studies.mechanics.model_choice import rounded_up
 from studies.output import provenance
@@ -35,7 +34,7 @@ from studies.output.goals import Goal
 from studies.output.result import Result, Table
 from studies.simulation.compare import part
 from studies.validation import error_study_cases, pages
-from studies.validation.error_study_cases import TANGENT_SCENES, Trial, answers_by
+from studies.validation.error_study_cases import TANGENT_SCENES, Trial, answers_of
 from studies.validation.pages import Row
 from studies.web import verdict_figures
 
@@ -122,7 +121,6 @@ def run(progress: Progress, *, quick: bool = False, store: Path | None = None) -
 def solved(
     paths: Sequence[tuple[Task, Load]], store: Path | None = None, progress: Progress | None = None
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    asked = cases.table((one.trial.design, load, one.trial.magnet) for one, load in paths)
     pairs = []
     for one, _ in paths:
         # the section model resolves the same state on a far finer mesh than tetrahedra can
@@ -132,10 +130,12 @@ def solved(
     begins = np.array([one.trial.loads[-1].shears_tip and not load.shears_tip for one, load in paths])
     found = []
     for k, models in enumerate(zip(*pairs, strict=True)):
-        rows, told = np.flatnonzero(~begins), part(progress, k / 2, (k + 1) / 2)
-        answers = answers_by([models[row] for row in rows], asked.iloc[rows], ["force", "shift", "tilt"], store, told)
+        rows, told = np.flatnonzero(~begins).tolist(), part(progress, k / 2, (k + 1) / 2)
+        asked = [(one.trial.design, load, one.trial.magnet) for one, load in (paths[row] for row in rows)]
+        of_rows = [models[row] for row in rows]
+        answers = answers_of(asked, of_rows, ["force", "shift", "tilt"], told, store=store).set_axis(rows)
         # an unstable press is the exact answer of a tip that is held on the axis
-        held = (answers["status"] == "unstable") & np.array([models[row].model == "auto" for row in rows])
+        held = (answers["status"] == "unstable") & np.array([model.model == "auto" for model in of_rows])
         answers.loc[held, ["status", "message"]] = "ok", ""
         answers = answers.rename(columns={"force_N": "force_z_N", "error_estimate": "force_error_estimate"})
         firsts = {row: _begin(paths[row][0].trial, models[row]) for row in np.flatnonzero(begins).tolist()}

@@ -21,7 +21,6 @@ from geometry.arrays import Array
 from geometry.design import Design, paper
 from geometry.loads import Load, Response
 from geometry.messages import Progress
-from studies import cases
 from studies.calibration import calibrated_forces, calibration_study, sensor_fit
 from studies.calibration.bench_file import Bench
 from studies.calibration.sensor_fit import Sensor
@@ -30,6 +29,7 @@ from studies.output.goals import Goal
 from studies.output.result import Result, Table
 from studies.sensitivity.made_sensors import MadeSensors, made_readings, made_sensors, tolerances
 from studies.validation import pages
+from studies.validation.error_study_cases import answers_of
 from studies.validation.pages import Row
 
 FILES = ("CALIBRATIONS.md", "calibrations.csv", "unknowns.csv")
@@ -51,11 +51,9 @@ LEAST, MOST = 85.0, 95.0
 def mechanics_of(designs: Sequence[Design], store: Path | None, progress: Progress) -> list[Mechanics]:
     """Return the mechanics of designs by finite elements at level quick, in N and mm."""
     loads = [Load(depth=d, shear_x=d * s, friction="stick") for d in DEPTHS.tolist() for s in SHEARS.tolist()]
-    asked = cases.table((design, load, "rigid") for design in designs for load in loads)
-    asked["shear_mm"] = [load.shear_x for _ in designs for load in loads]
-    quantities = ["force", "shift", "tilt"]
-    found = cases.answer(asked, ["fem:quick"], quantities=quantities, store=store, progress=progress)
-    names = ["fem_force_x_N", "fem_force_N", "fem_shift_x_mm", "fem_shift_z_mm", "fem_tilt_rad"]
+    asked: Any = [(design, load, "rigid") for design in designs for load in loads]
+    found = answers_of(asked, ["fem:quick"] * len(asked), ["force", "shift", "tilt"], progress, store=store)
+    names = ["force_x_N", "force_N", "shift_x_mm", "shift_z_mm", "tilt_rad"]
     states = zip(loads * len(designs), found["status"] == "ok", found[names].to_numpy().tolist(), strict=True)
     samples = [(load, Response((x, 0.0, z), (u, 0.0, w), tilt, 0.0), ok) for load, ok, (x, z, u, w, tilt) in states]
     parts = (samples[k : k + len(loads)] for k in range(0, len(samples), len(loads)))

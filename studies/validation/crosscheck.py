@@ -13,14 +13,13 @@ from fem.scene import turns
 from geometry.design import BadInput
 from geometry.loads import Load, Magnet
 from geometry.messages import Progress
-from studies import cases
 from studies.cases import FemModel
 from studies.inputs.option_groups import Whole
 from studies.inputs.user_input import AccuracyName
 from studies.output.result import Result
 from studies.simulation.compare import part
 from studies.validation import error_study_cases, pages
-from studies.validation.error_study_cases import answers_by
+from studies.validation.error_study_cases import answers_of
 
 FILES = ("CROSSCHECK.md", "crosscheck.csv")
 COMPONENTS = {
@@ -85,7 +84,7 @@ def solved(
 
     The tetrahedra fill the whole body where the load turns out of the plane of symmetry, else half of it.
     """
-    asked = cases.table((error_study_cases.designs()[n], load, magnet_of(n)) for n, load in chosen)
+    asked = [(error_study_cases.designs()[n], load, magnet_of(n)) for n, load in chosen]
     x, y = (np.array([load.direction[k] for _, load in chosen]) for k in (0, 1))
     richer = replace(accuracy, name="one harmonic more", harmonics=accuracy.harmonics + 1)
     models = [
@@ -95,7 +94,7 @@ def solved(
     ]
     found = []
     for k, own in enumerate(models):
-        table = answers_by(own, asked, ["force", "shift", "tilt"], store, part(progress, k / 3, (k + 1) / 3))
+        table = answers_of(asked, own, ["force", "shift", "tilt"], part(progress, k / 3, (k + 1) / 3), store=store)
         found.append(table.assign(sideways_N=table.force_x_N * x + table.force_y_N * y))
     return found
 

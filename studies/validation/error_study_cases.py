@@ -117,19 +117,25 @@ def reference(scene: str, fineness: int = 1) -> Accuracy:
     return Accuracy(("rough", "reference", "finer")[fineness], size, 0.05, patch, 0.02, *more)  # type: ignore[arg-type]
 
 
-def answers_by(
+def answers_of(
+    states: Sequence[tuple[Design, Load, Magnet]],
     models: Sequence[str | FemModel],
-    asked: pd.DataFrame,
     quantities: Sequence[str],
-    store: Path | None,
     progress: Progress | None = None,
+    **options: Any,
 ) -> pd.DataFrame:
-    """Return the answers to each row of a table of cases by its own model, under names without that of the model."""
+    """Return the answer to each state by its own model, in columns whose names leave that of the model out.
+
+    `options` are those of `cases.answer`.
+    """
+    asked = cases.table(states)
+    # without shear_mm the engine leaves out what is zero by symmetry
+    asked["shear_mm"] = [load.shear_x for _, load, _ in states]
     parts, different = [], list(dict.fromkeys(models))
     for k, model in enumerate(different):
         rows = np.flatnonzero([model == own for own in models])
         name = model if isinstance(model, str) else model.name
         told = part(progress, k / len(different), (k + 1) / len(different), name)
-        parts.append(cases.answer(asked.iloc[rows], [model], quantities=quantities, store=store, progress=told))
+        parts.append(cases.answer(asked.iloc[rows], [model], quantities=quantities, progress=told, **options))
         parts[-1].columns = parts[-1].columns.str.replace(r"^(fem|analytic|surrogate)_", "", regex=True)
     return pd.concat(parts).sort_index()

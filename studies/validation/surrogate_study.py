@@ -16,7 +16,7 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -28,9 +28,7 @@ from geometry.arrays import Array
 from geometry.messages import Progress
 from studies.inputs.option_groups import Whole
 from studies.mechanics import prediction, surrogate_file, surrogate_range
-from studies.mechanics import store as stores
 from studies.mechanics.prediction import CRITICAL, DEEP, SLENDER, THICK, WIDE, Quantity
-from studies.mechanics.solve_plan import Processes, Solver
 from studies.mechanics.surrogate_file import GaussianProcess, Group, Surrogate, correlation
 from studies.output.figures import Figure, Look, plot, save
 from studies.output.goals import Goal
@@ -39,7 +37,16 @@ from studies.output.result import Result
 from studies.validation import pages
 from studies.validation import surrogate_training as training
 from studies.validation.pages import Row
-from studies.validation.surrogate_training import COVERAGE, Beams, States, TrainingSet, compared, deepest, motions
+from studies.validation.surrogate_training import (
+    COVERAGE,
+    Beams,
+    Engine,
+    States,
+    TrainingSet,
+    compared,
+    deepest,
+    motions,
+)
 
 POOL = 1500
 """Random beams among which the next training beams are chosen."""
@@ -87,17 +94,18 @@ class Outcome(NamedTuple):
         return pd.concat(tables, ignore_index=True)
 
 
-def build(extent: Extent, store: stores.Store, processes: Processes, progress: Progress | None = None) -> Outcome:
-    solver = Solver(store, processes, progress, extent.accuracy)
-    states = training_states(solver, training.training_beams(extent.first, extent.seed))
+def build(extent: Extent, options: Mapping[str, Any]) -> Outcome:
+    """Build and test a surrogate; `options` say where `cases.answer` solves and stores."""
+    engine = Engine(extent.accuracy, options)
+    states = training_states(engine, training.training_beams(extent.first, extent.seed))
     for k, count in enumerate(extent.rounds):
         surrogate = training.surrogate_of(states.complete(), {})
         more = widest(surrogate, training.random_beams(POOL, extent.seed + 2 + k), count)
-        states = states.joined(training_states(solver, more))
+        states = states.joined(training_states(engine, more))
     complete = states.complete()
-    seen, critical, _ = unseen(solver, extent.calibration, extent.critical, extent.seed + CALIBRATION)
-    test = unseen(solver, extent.test, extent.critical, extent.seed + 1)
-    about = {"accuracy": solver.accuracy.name, "beams": len(complete.beams), "calibration_beams": len(seen.beams)}
+    seen, critical, _ = unseen(engine, extent.calibration, extent.critical, extent.seed + CALIBRATION)
+    test = unseen(engine, extent.test, extent.critical, extent.seed + 1)
+    about = {"accuracy": engine.accuracy.name, "beams": len(complete.beams), "calibration_beams": len(seen.beams)}
     surrogate = training.surrogate_of(complete, about | {"test_beams": len(test[0].beams), "versions": versions()})
     surrogate = recalibrated(surrogate, errors(surrogate, seen))
     # the half widths of critical depths follow those of the sideways stiffness
@@ -105,23 +113,23 @@ def build(extent: Extent, store: stores.Store, processes: Processes, progress: P
     return Outcome(surrogate, complete, test, len(states.beams) - len(complete.beams))
 
 
-def training_states(solver: Solver, beams: Beams) -> TrainingSet:
-    press = motions(solver, beams, surrogate_range.press_depths(beams.L, beams.diameter, beams.height))
-    mode = training.first_modes(solver, beams)
-    shear = motions(solver, beams, training.shear_depth(beams, press)[:, None], surrogate_range.shears(beams.L))
+def training_states(engine: Engine, beams: Beams) -> TrainingSet:
+    press = motions(engine, beams, surrogate_range.press_depths(beams.L, beams.diameter, beams.height))
+    mode = training.first_modes(engine, beams)
+    shear = motions(engine, beams, training.shear_depth(beams, press)[:, None], surrogate_range.shears(beams.L))
     return TrainingSet(beams, press, mode, shear)
 
 
-def unseen(solver: Solver, count: int, critical: int, seed: int) -> Unseen:
+def unseen(engine: Engine, count: int, critical: int, seed: int) -> Unseen:
     """Return `count` random beams of each region with their states, and critical depths of the first ones."""
-    states = random_states(solver, training.regional_beams(count, seed), seed)
+    states = random_states(engine, training.regional_beams(count, seed), seed)
     complete = states.complete()
     first = complete.beams[: critical * prediction.REGIONS]
-    depths = compared(training.critical_depths(solver, first), training.critical_depths(solver.coarser(), first))
+    depths = compared(training.critical_depths(engine, first), training.critical_depths(engine.coarser(), first))
     return complete, depths, len(states.beams) - len(complete.beams)
 
 
-def random_states(solver: Solver, beams: Beams, seed: int) -> TrainingSet:
+def random_states(engine: Engine, beams: Beams, seed: int) -> TrainingSet:
     """Return the states of beams at random depths, spread in their root, and shears, RANDOM_DEPTHS and RANDOM_SHEARS.
 
     All have an estimate of the finite elements' own error, which the coarser mesh gives where answers have none.
@@ -135,14 +143,14 @@ def random_states(solver: Solver, beams: Beams, seed: int) -> TrainingSet:
     least = surrogate_range.SHEAR_NODES[0] / 2
     share = np.sort(least + (1 - least) * shares(2, RANDOM_SHEARS), axis=1)
     sideways = np.asarray(np.round(share * surrogate_range.farthest(beams.L)[:, None], 6))
-    press = motions(solver, beams, depths)
+    press = motions(engine, beams, depths)
     sheared = training.shear_depth(beams, press)[:, None]
-    other = solver.coarser()
+    other = engine.coarser()
     return TrainingSet(
         beams,
         compared(press, motions(other, beams, depths)),
-        compared(training.first_modes(solver, beams), training.first_modes(other, beams)),
-        compared(motions(solver, beams, sheared, sideways), motions(other, beams, sheared, sideways)),
+        compared(training.first_modes(engine, beams), training.first_modes(other, beams)),
+        compared(motions(engine, beams, sheared, sideways), motions(other, beams, sheared, sideways)),
     )
 
 
@@ -436,8 +444,8 @@ def run(
         Address of a Dask scheduler whose workers solve.
     """
     extent = FEW if quick else Extent()
-    with stores.opened(store or stores.default()) as states:
-        return result(build(extent, states, Processes(workers, scheduler), progress), extent.first)
+    options = {"store": store, "workers": workers, "scheduler": scheduler, "progress": progress}
+    return result(build(extent, options), extent.first)
 
 
 def result(outcome: Outcome, first: int) -> Result:

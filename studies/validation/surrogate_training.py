@@ -46,20 +46,23 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 from scipy import linalg, optimize
 from scipy.stats import qmc
 
-from fem.scene import Scene
+from fem.accuracy import Accuracy, coarser
+from fem.scene import Model
 from geometry.arrays import Array
 from geometry.design import Design
-from geometry.loads import Load, Response
+from geometry.loads import Load
+from studies.cases import FemModel
 from studies.mechanics import prediction, surrogate_range
-from studies.mechanics.path_solver import Answer
+from studies.mechanics.path_solver import frequency_unit
 from studies.mechanics.prediction import POSE, PRESS, SHEAR, SKIN, STRAIN, first_zero
-from studies.mechanics.solve_plan import Solver
 from studies.mechanics.surrogate_file import ROOT5, GaussianProcess, Group, Surrogate, with_constant
 from studies.mechanics.surrogate_range import DENSITY_RATIO, DIAMETER, EDGE, HEIGHT, LEAST_WALL, LENGTH, POISSON
+from studies.validation.error_study_cases import answers_of
 
 DIAMETER_MM = 10.0
 """D of the designs that are solved; the answers hold for every D."""
@@ -195,38 +198,75 @@ def compared(states: States, coarse: States) -> States:
     return {f"{name}_error": np.abs(q - coarse[name]) for name, q in states.items() if name in coarse} | dict(states)
 
 
-def motions(solver: Solver, beams: Beams, depth: Array, shear: Array | float = 0.0) -> States:
+class Engine(NamedTuple):
+    """Finite elements of an accuracy, and where `cases.answer` solves and stores: its other arguments."""
+
+    accuracy: Accuracy
+    options: Mapping[str, Any]
+
+    def coarser(self) -> Engine:
+        return self._replace(accuracy=coarser(self.accuracy))
+
+    def answer(
+        self, designs: Sequence[Design], loads: Sequence[Load], quantities: Sequence[str], model: Model = "auto"
+    ) -> pd.DataFrame:
+        fem, states = FemModel(self.accuracy.name, self.accuracy, model), zip(designs, loads, strict=True)
+        asked: Any = [(design, load, "rigid") for design, load in states]
+        return answers_of(asked, [fem] * len(asked), quantities, **self.options)
+
+
+MOTIONS = {
+    "force_x": ("force_x_N", 1 / DIAMETER_MM**2),
+    "force_z": ("force_N", 1 / DIAMETER_MM**2),
+    "shift_x": ("shift_x_mm", 1 / DIAMETER_MM),
+    "shift_z": ("shift_z_mm", 1 / DIAMETER_MM),
+    "tilt": ("tilt_rad", 1.0),
+    "contact_radius": ("contact_radius_mm", 1 / DIAMETER_MM),
+    "strain": ("largest_strain_percent", 1 / 100),
+    "sideways_ratio": ("sideways_stiffness_ratio", 1.0),
+}
+"""Columns of the quantities of a state, and factors to lengths over D and forces over E D^2; E = 1 MPa."""
+
+
+def motions(engine: Engine, beams: Beams, depth: Array, shear: Array | float = 0.0) -> States:
     depth, shear = np.broadcast_arrays(depth, shear)
-    glued, D = bool(shear.any()), DIAMETER_MM
-    scenes = []
-    for beam, depths, shears in zip(beams, depth.tolist(), shear.tolist(), strict=True):
-        loads = (
-            Load(d * D, x * D, friction="stick" if glued else "none") for d, x in zip(depths, shears, strict=True)
-        )
-        scenes.append(Scene(design(beam), tuple(loads), solver.accuracy, model="harmonic" if glued else "auto"))
-    return _states(depth, shear, solver.answers(scenes))
+    glued = bool(shear.any())
+    designs = [one for beam in beams for one in itertools.repeat(design(beam), depth.shape[1])]
+    places = zip((DIAMETER_MM * depth).flat, (DIAMETER_MM * shear).flat, strict=True)
+    loads = [Load(float(d), float(x), friction="stick" if glued else "none") for d, x in places]
+    names = ("force", "shift", "tilt", "contact_radius", "strain", "sideways_stiffness")
+    answers = engine.answer(designs, loads, names, "harmonic" if glued else "auto")
+    found = {name: factor * answers[column] for name, (column, factor) in MOTIONS.items()}
+    force, shift = (np.hypot(found[f"{name}_x"], found[f"{name}_z"]) for name in ("force", "shift"))
+    found |= {
+        "force_x_error": found["force_x"].abs() * answers.sideways_error_estimate,
+        "force_z_error": force * answers.error_estimate,
+        "shift_x_error": shift * answers.shift_error_estimate,
+        "shift_z_error": shift * answers.shift_error_estimate,
+        "tilt_error": found["tilt"].abs() * answers.tilt_error_estimate,
+    }
+    table = {name: values.to_numpy().reshape(depth.shape) for name, values in found.items()}
+    return {"depth": depth, "shear": shear, **table}
 
 
-def critical_depths(solver: Solver, beams: Beams) -> States:
+def critical_depths(engine: Engine, beams: Beams) -> States:
     """Return the critical depths over D, at most the deepest press of the surrogate; NaN where a search fails."""
-    scenes = [Scene(design(beam), (Load(depth=1.0),), solver.accuracy) for beam in beams]
-    found = []
-    for (answer,), most in zip(solver.answers(scenes, "critical depth"), deepest(beams).tolist(), strict=True):
-        depth = answer.values.get("critical_depth_over_D")
-        if depth is None and answer.values.get("stable_to_over_D", 0.0) >= most - 1e-9:
-            depth = most
-        found.append(math.nan if depth is None else min(depth, most))
-    return _single("depth", found)
+    designs, most = [design(beam) for beam in beams], deepest(beams)
+    if not designs:
+        return _single("depth", most)
+    answers = engine.answer(designs, [Load(depth=0.0)] * len(beams), ["critical_depth"])
+    depth, stable = (answers[name].to_numpy() / DIAMETER_MM for name in ("critical_depth_mm", "stable_to_mm"))
+    found = np.where(np.isnan(depth) & (stable >= most - 1e-9), most, depth)
+    return _single("depth", np.minimum(found, most))
 
 
-def first_modes(solver: Solver, beams: Beams) -> States:
-    scenes = []
-    for beam, ratio in zip(beams, density_ratio(beams).tolist(), strict=True):
-        one = design(beam)
-        one = replace(one, magnet_density=ratio * one.density)
-        scenes.append(Scene(one, (Load(depth=0.0),), solver.accuracy, model="axisymmetric"))
-    lowest = [(answer.values.get("frequency") or [np.nan])[0] for (answer,) in solver.answers(scenes, "modes")]
-    return _single("frequency", lowest)
+def first_modes(engine: Engine, beams: Beams) -> States:
+    designs = [design(beam) for beam in beams]
+    heavy = zip(designs, density_ratio(beams).tolist(), strict=True)
+    designs = [replace(one, magnet_density=ratio * one.density) for one, ratio in heavy]
+    answers = engine.answer(designs, [Load(depth=0.0)] * len(beams), ["modes"])
+    units = [frequency_unit(one.D, one.E, one.density) for one in designs]
+    return _single("frequency", answers.mode1_Hz.to_numpy() / units)
 
 
 def shear_depth(beams: Beams, press: States) -> Array:
@@ -238,38 +278,9 @@ def shear_depth(beams: Beams, press: States) -> Array:
     return np.asarray(np.round((low + (high - low) * beams.share) ** 2, 5))
 
 
-def _single(name: str, values: Sequence[float]) -> States:
-    column = np.array(values, dtype=float)[:, None]
+def _single(name: str, values: Array) -> States:
+    column = values[:, None]
     return {"depth": np.zeros_like(column), "shear": np.zeros_like(column), name: column}
-
-
-def _states(depth: Array, shear: Array, answers: Sequence[Sequence[Answer]]) -> States:
-    """Return the quantities of answers, which are for D = DIAMETER_MM and E = 1 MPa, with the known errors."""
-    D = DIAMETER_MM
-
-    def table(read: Callable[[Answer, Response], Any]) -> Array:
-        rows = [[np.nan if a.response is None else read(a, a.response) for a in row] for row in answers]
-        return np.array(rows, dtype=float)
-
-    quantities = {
-        "force_x": 1 / D**2 * table(lambda _, r: r.force[0]),
-        "force_z": 1 / D**2 * table(lambda _, r: r.force[2]),
-        "shift_x": 1 / D * table(lambda _, r: r.shift[0]),
-        "shift_z": 1 / D * table(lambda _, r: r.shift[2]),
-        "tilt": table(lambda _, r: r.tilt),
-        "contact_radius": 1 / D * table(lambda _, r: r.contact_radius),
-        "strain": table(lambda a, _: a.values["largest_strain"]),
-        "sideways_ratio": table(lambda a, _: a.values.get("sideways_stiffness_ratio")),
-    }
-    of_force, of_shift = (np.hypot(quantities[f"{name}_x"], quantities[f"{name}_z"]) for name in ("force", "shift"))
-    errors = {
-        "force_x_error": np.abs(quantities["force_x"]) * table(lambda a, _: a.estimates.get("sideways")),
-        "force_z_error": of_force * table(lambda a, _: a.error_estimate),
-        "shift_x_error": of_shift * table(lambda a, _: a.estimates.get("shift")),
-        "shift_z_error": of_shift * table(lambda a, _: a.estimates.get("shift")),
-        "tilt_error": np.abs(quantities["tilt"]) * table(lambda a, _: a.estimates.get("tilt")),
-    }
-    return {"depth": depth, "shear": shear, **quantities, **errors}
 
 
 # Outputs, and the surrogate that they are

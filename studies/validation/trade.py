@@ -32,7 +32,6 @@ from geometry.arrays import Array
 from geometry.design import BadInput
 from geometry.loads import Load, Magnet, Response
 from geometry.messages import Progress
-from studies import cases
 from studies.cases import FemModel
 from studies.inputs.option_groups import Whole
 from studies.mechanics import model_choice, surrogate_response
@@ -46,7 +45,7 @@ from studies.output.result import Result, Table
 from studies.output.text_tables import cell as figure
 from studies.simulation.compare import part
 from studies.validation import bench, pages
-from studies.validation.error_study_cases import Trial, answers_by, designs, rounded
+from studies.validation.error_study_cases import Trial, answers_of, designs, rounded
 from studies.validation.pages import Row
 from studies.validation.verify import richardson
 from studies.web import verdict_figures
@@ -228,17 +227,15 @@ def states_of(progress: Progress, count: int, *, quick: bool, confirm: bool = Fa
     return table.assign(cost=table.cpu_s / unit)
 
 
-def answers(runs: Sequence[Run], progress: Progress | None = None, store: Path | None = None) -> pd.DataFrame:
+def answers(runs: Sequence[Run], progress: Progress | None = None, **options: Any) -> pd.DataFrame:
     """Return a row for each load of each run: its place, COLUMNS (NaN where there is none), status and message.
 
     A press has neither tilt nor a force along a shear, a design without a magnet no readings.
     """
     states = [(one, load) for one in runs for load in one.trial.loads]
-    asked = cases.table((one.trial.design, load, one.trial.magnet) for one, load in states)
-    # without shear_mm the engine would leave out what is zero by symmetry
-    asked["shear_mm"] = [load.shear_x for _, load in states]
-    quantities = ["force", "shift", "tilt", "readings"]
-    found = answers_by([one.model_of_cases for one, _ in states], asked, quantities, store, progress)
+    asked = [(one.trial.design, load, one.trial.magnet) for one, load in states]
+    models, quantities = [one.model_of_cases for one, _ in states], ["force", "shift", "tilt", "readings"]
+    found = answers_of(asked, models, quantities, progress, **options)
     columns = ["design", "kind", "model", "level", "depth_mm", "shear_mm", "friction"]
     runs_and_loads = [(one.trial.number, one.kind, one.model, one.level, load) for one, load in states]
     rows = [(*names, load.depth, load.shear_x, load.friction) for *names, load in runs_and_loads]
@@ -248,7 +245,7 @@ def answers(runs: Sequence[Run], progress: Progress | None = None, store: Path |
     # an unstable press is the exact answer of a tip that is held on the axis
     table.loc[(table.status == "unstable") & upright, ["status", "message"]] = "ok", ""
     table.loc[upright, "tilt_rad"] = math.nan
-    table.loc[asked.magnet == "ignored", READINGS] = math.nan
+    table.loc[[magnet == "ignored" for _, _, magnet in asked], READINGS] = math.nan
     return table.assign(sideways_N=found.force_x_N.where(~upright))
 
 
