@@ -13,16 +13,19 @@ the remanence, E without an imperfection) share a solve, and solved states are k
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import decimal
 import math
 import numbers
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from fem.accuracy import Accuracy
+from fem.scene import Model
 from geometry.bad_input import nearest
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load, Magnet
@@ -46,8 +49,22 @@ from studies.sweeps import sweep
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["FemModel", "answer", "table"]
+__all__ = ["FemModel", "FiniteElements", "answer", "table"]
 Values = np.ndarray[Any, Any]
+
+
+class FiniteElements(NamedTuple):
+    """Finite elements of an accuracy, and how `answer` solves and stores: its other arguments."""
+
+    accuracy: Accuracy
+    options: Mapping[str, Any]
+
+    def answers(
+        self, cases: Sequence[tuple[Design, Load]], quantities: Sequence[str], model: Model = "auto"
+    ) -> pd.DataFrame:
+        """Return the answers to designs and loads, at least one, with a rigid magnet."""
+        asked, fem = table((design, load, "rigid") for design, load in cases), FemModel("fem", self.accuracy, model)
+        return answer(asked, [fem], base=cases[0][0], quantities=quantities, **self.options)
 
 
 def table(cases: Iterable[tuple[Design, Load, Magnet]]) -> pd.DataFrame:
@@ -80,7 +97,7 @@ def answer(
     base: Design | None = None,
     quantities: Sequence[str] = (),
     reference: str = "",
-    store: Path | str | None = None,
+    store: stores.Store | Path | str | None = None,
     workers: int | None = None,
     scheduler: str | None = None,
     retry_failed: bool = False,
@@ -108,7 +125,7 @@ def answer(
         frictionless presses, whatever the loads, by the finest finite elements. Default: force, shift,
         contact_radius, readings (with a magnet), tilt (loads sideways).
     reference : name of the model that errors are relative to; default: the finest finite elements.
-    store : file that keeps all solved states, a path; default: the user's.
+    store : file that keeps all solved states, a path, or an open store; default: the user's.
     workers, scheduler : number of processes that solve (default: as many as pay), or address of a Dask scheduler;
         with `retry_failed` cases whose process died are solved again.
     progress : called with the share that is done and a text.
@@ -132,9 +149,15 @@ def answer(
     possible = np.flatnonzero(reasons == "")
     factor = Factor(tuple(fields), tuple(values[possible] for values in fields.values()), sampled=True)
     plan = _plan(base or paper(), factor, models, asked, reference)
-    with stores.opened(Path(store or stores.default())) as states:
+    with _opened(store) as states:
         parts = list(sweep.run(plan, None, states, processes=processes, progress=progress)) if len(possible) else []
     return _joined(fields, parts, reasons).set_axis(cases.index)
+
+
+def _opened(store: stores.Store | Path | str | None) -> contextlib.AbstractContextManager[stores.Store]:
+    if isinstance(store, stores.Store):
+        return contextlib.nullcontext(store)
+    return stores.opened(Path(store or stores.default()))
 
 
 def _fields(cases: pd.DataFrame, *, needs_load: bool) -> tuple[dict[str, Values], Values]:

@@ -11,7 +11,7 @@ from fem.accuracy import QUICK
 from fem.equilibrium import trace
 from geometry.design import paper
 from geometry.loads import Load
-from studies.mechanics.solve_plan import Processes, Solver
+from studies.cases import FiniteElements
 from studies.sensitivity.beam_motions import motions
 from studies.sensitivity.made_sensors import nominal_sensor, share_with_error
 from studies.sizing.candidate_performance import FIGURES, performance
@@ -75,7 +75,7 @@ def sheared():
     """Shears of the paper's sensor: in falling order, and one without a depth because its press has failed."""
     depth, shear = np.array([[0.1, 0.1, np.nan]]), np.array([[0.1, 0.05, 0.1]])
     with temporary() as memory:
-        yield FemBeams([paper()], Solver(memory, Processes(0), None, QUICK)).shear(depth, shear)
+        yield FemBeams([paper()], FiniteElements(QUICK, {"store": memory, "workers": 0})).shear(depth, shear)
 
 
 def test_a_force_that_no_press_reaches_is_missed():
@@ -83,7 +83,7 @@ def test_a_force_that_no_press_reaches_is_missed():
     needed = Requirements(force_z=5000.0, **parts)
     drawn = Space(needed, catalogues_of(needed)).candidates(np.zeros((1, 3), dtype=int), np.full((1, 5), 0.5))
     with temporary() as memory:
-        (point,) = solved_points(drawn, needed, Solver(memory, Processes(0), None, QUICK))
+        (point,) = solved_points(drawn, needed, FiniteElements(QUICK, {"store": memory, "workers": 0}))
     assert point.reason.startswith("force_z is missed by 100 %")
 
 
@@ -91,24 +91,23 @@ def test_a_load_without_a_depth_has_no_response(sheared):
     assert np.isnan(sheared["force_x"].value).tolist() == [[False, False, True]]
 
 
-class WithoutErrors(Solver):
+class WithoutErrors(FiniteElements):
     """As where there is no coarser mesh."""
 
-    def answers(self, scenes, kind="states"):
-        rows, without = super().answers(scenes, kind), {"force": None, "shift": None}
-        lost = {"error_estimate": np.nan, "estimates": without}
-        return [[dataclasses.replace(one, **lost) for one in row] for row in rows]
+    def answers(self, *asked):
+        found = super().answers(*asked)
+        return found.assign(**{name: np.nan for name in found if name.endswith("error_estimate")})
 
 
-@pytest.mark.parametrize("solver", [Solver, WithoutErrors])
-def test_an_unknown_error_is_not_taken_for_none(solver):
+@pytest.mark.parametrize("elements", [FiniteElements, WithoutErrors])
+def test_an_unknown_error_is_not_taken_for_none(elements):
     with temporary() as memory:
-        slender = FemBeams([dataclasses.replace(paper(), L=30.0)], solver(memory, Processes(0), None, QUICK))
+        slender = FemBeams([dataclasses.replace(paper(), L=30.0)], elements(QUICK, {"store": memory, "workers": 0}))
         pressed, critical = slender.press(np.array([[0.1]])), slender.critical_depth()
         likely, sure = (slender.stable_to(caution)[0] for caution in (0.0, 1.0))
     widths = [float(found.half_width.item()) for found in (pressed["force"], pressed["shift"], critical)]
     assert likely == critical.value[0] == pytest.approx(0.66 / 8, rel=0.02)
-    if solver is Solver:
+    if elements is FiniteElements:
         assert all(width > 0 for width in widths)
         assert sure == likely - widths[2]
     else:

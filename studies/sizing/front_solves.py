@@ -16,25 +16,26 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from fem.scene import Model, Scene
+from fem.scene import Model
 from geometry.arrays import Array, Ints
 from geometry.design import Design
 from geometry.loads import Load
+from studies.cases import FiniteElements
 from studies.mechanics import surrogate_range
-from studies.mechanics.path_solver import Answer
-from studies.mechanics.solve_plan import Solver
+from studies.mechanics.path_solver import frequency_unit
 from studies.output.records import FlatRow
 from studies.sizing.beam_curves import SOLVED_DEPTHS
 from studies.sizing.candidate_performance import LEAST, NO_SHEAR, Performance, margins, performance
 from studies.sizing.candidate_variables import Candidates, Variant
 from studies.sizing.sensor_arrays import sensors_of
 from studies.sizing.variant_search import RESOLUTION, dominated, objectives, spread
+from studies.sweeps.study_rows import NO_CRITICAL_DEPTH
 
 if TYPE_CHECKING:
     from studies.sizing.requirements import Requirements
@@ -51,36 +52,33 @@ class Solved:
     half_width: Array
 
 
-READ: dict[str, tuple[Callable[[Answer, Any], Any], str]] = {
-    "force_x": (lambda a, r: r.force[0] / (a.E * a.D**2), "sideways"),
-    "force_z": (lambda a, r: r.force[2] / (a.E * a.D**2), "force"),
-    "shift_x": (lambda a, r: r.shift[0] / a.D, "shift"),
-    "shift_z": (lambda a, r: -r.shift[2] / a.D, "shift"),
-    "tilt": (lambda a, r: r.tilt, "tilt"),
-    "strain": (lambda a, r: a.values["largest_strain"], ""),
+MOTIONS = ("force", "shift", "tilt", "strain")
+READ = {
+    "force_x": ("fem_force_x_N", "sideways_error_estimate"),
+    "force_z": ("fem_force_N", "error_estimate"),
+    "shift_x": ("fem_shift_x_mm", "shift_error_estimate"),
+    "shift_z": ("fem_shift_z_mm", "shift_error_estimate"),
+    "tilt": ("fem_tilt_rad", "tilt_error_estimate"),
+    "strain": ("fem_largest_strain_percent", ""),
 }
-"""Quantities of `prediction.Beams` from an answer and its response, and the names of their estimated errors."""
+"""Quantities of `prediction.Beams`, and columns of the engine's answers and of their errors."""
 
 
 class FemBeams:
     """Beams of n designs, whose responses finite elements give; lengths over D, forces over E D^2."""
 
-    def __init__(self, designs: Sequence[Design], solver: Solver) -> None:
-        self.designs, self.solver = designs, solver
+    def __init__(self, designs: Sequence[Design], fem: FiniteElements) -> None:
+        self.designs, self.fem = designs, fem
+        self.D, self.E = (np.array([getattr(design, name) for design in designs]) for name in "DE")
 
     def take(self, rows: Ints) -> FemBeams:
         """Return some of the beams."""
-        return FemBeams([self.designs[k] for k in rows], self.solver)
+        return FemBeams([self.designs[k] for k in rows], self.fem)
 
     def press(self, depth: Array) -> dict[str, Solved]:
         """Return the response to frictionless presses to depths (n, k), see `prediction.Beams.press`."""
-        scenes = [
-            Scene(design, tuple(Load(depth=float(d) * design.D) for d in row), self.solver.accuracy)
-            for design, row in zip(self.designs, depth, strict=True)
-        ]
-        answers = self.solver.answers(scenes)
-        names = {"force": "force_z", "shift": "shift_z", "strain": "strain"}
-        return {name: _table(answers, *READ[key]) for name, key in names.items()}
+        found = self._motions(depth, np.zeros_like(depth), "auto")
+        return {name: found[key] for name, key in (("force", "force_z"), ("shift", "shift_z"), ("strain", "strain"))}
 
     def shear(self, depth: Array, shear: Array) -> dict[str, Solved]:
         """Return the response to glued shears at depths and shears (n, k), see `prediction.Beams.shear`.
@@ -88,84 +86,62 @@ class FemBeams:
         All shears of a beam at one depth are one path. A load of which depth or shear is NaN, because a press has
         failed, has NaN as its response.
         """
-        scenes: list[Scene] = []
-        places: list[tuple[int, list[int]]] = []
-        for k, design in enumerate(self.designs):
-            known = ~np.isnan(depth[k] + shear[k])
-            for at in np.unique(depth[k, known]):
-                same = np.flatnonzero(known & (depth[k] == at))
-                # a path is followed outwards
-                columns = same[np.argsort(shear[k, same])].tolist()
-                loads = tuple(
-                    Load(depth=float(at) * design.D, shear_x=float(s) * design.D, friction="stick")
-                    for s in shear[k, columns]
-                )
-                scenes.append(Scene(design, loads, self.solver.accuracy, model="harmonic"))
-                places.append((k, columns))
-        rows: list[list[Answer | None]] = [[None] * depth.shape[1] for _ in self.designs]
-        for (k, columns), answers in zip(places, self.solver.answers(scenes), strict=True):
-            for column, answer in zip(columns, answers, strict=True):
-                rows[k][column] = answer
-        return {name: _table(rows, *each) for name, each in READ.items()}
+        return self._motions(depth, shear, "harmonic")
+
+    def _motions(self, depth: Array, shear: Array, model: Model) -> dict[str, Solved]:
+        rows, columns = np.nonzero(~np.isnan(depth + shear))
+        found = {name: Solved(*np.full((2, *depth.shape), np.nan)) for name in READ}
+        if not len(rows):
+            return found
+        friction: Literal["none", "stick"] = "none" if model == "auto" else "stick"
+        places = zip(rows.tolist(), depth[rows, columns].tolist(), shear[rows, columns].tolist(), strict=True)
+        cases = [(one := self.designs[k], Load(d * one.D, s * one.D, friction=friction)) for k, d, s in places]
+        answers = self.fem.answers(cases, MOTIONS, model)
+        D, force = self.D[rows], (self.E * self.D**2)[rows]
+        units = {"force_x": force, "force_z": force, "shift_x": D, "shift_z": -D, "tilt": 1.0, "strain": 100.0}
+        for name, (column, error) in READ.items():
+            if {column, error or column} <= set(answers):  # presses have nothing sideways
+                value = answers[column].to_numpy() / units[name]
+                found[name].value[rows, columns] = value
+                # 0 of what is 0, or never estimated; NaN where the error is unknown
+                share = answers[error].to_numpy() if error else 0.0
+                found[name].half_width[rows, columns] = np.where(value == 0, 0.0, np.abs(value) * share)
+        return found
 
     @functools.cached_property
-    def _stability(self) -> list[Answer]:
-        scenes = [Scene(design, (Load(depth=0.01 * design.D),), self.solver.accuracy) for design in self.designs]
-        return [answer for (answer,) in self.solver.answers(scenes, "critical depth")]
+    def _stability(self) -> tuple[Array, Array, Array]:
+        """Critical depth over D, see `critical_depth`, its relative error, and depth to which a press is stable."""
+        answers = self.fem.answers(
+            [(design, Load(depth=0.01 * design.D)) for design in self.designs], ["critical_depth"]
+        )
+        depth, stable = (answers[name].to_numpy() / self.D for name in ("critical_depth_mm", "stable_to_mm"))
+        # a search that stopped early says so instead
+        none = answers["message"].str.startswith(NO_CRITICAL_DEPTH).to_numpy(bool)
+        return np.where(none, np.inf, depth), answers["critical_depth_error_estimate"].to_numpy(), stable
 
     def critical_depth(self) -> Solved:
         """Return the depths at which frictionless presses buckle sideways, over D, shape (n,).
 
         inf where the search found none up to its end; NaN where it stopped before, or failed.
         """
-        depth = np.array([_critical(answer) for answer in self._stability])
-        error = np.array([answer.error_estimate for answer in self._stability])
+        depth, error, _ = self._stability
         return Solved(depth, np.where(np.isinf(depth), 0.0, error * depth))
 
     def stable_to(self, caution: float) -> Array:
         """Return the depths over D up to which presses are known to be stable, shape (n,); NaN where nothing is."""
-        critical = self.critical_depth()
-        stable = [answer.values.get("stable_to_over_D", np.nan) for answer in self._stability]
+        critical, stable = self.critical_depth(), self._stability[2]
         width = critical.half_width if caution else 0.0
         return np.where(np.isfinite(critical.value), critical.value - caution * width, stable)
 
     def first_mode(self, density_ratio: Array) -> Solved:
         """Return the lowest natural frequency of the unloaded beams over `frequency_unit`, shape (n,)."""
-        scenes = []
-        for design, ratio in zip(self.designs, density_ratio, strict=True):
-            heavy = replace(design, magnet_density=round(float(ratio), RATIO_DIGITS) * design.density)
-            scenes.append(Scene(heavy, (Load(depth=0.0),), self.solver.accuracy, model="axisymmetric"))
-        lowest = [
-            (answer.values.get("frequency") or [np.nan])[0] for (answer,) in self.solver.answers(scenes, "modes")
+        heavy = [
+            (replace(design, magnet_density=round(float(ratio), RATIO_DIGITS) * design.density), Load(depth=0.0))
+            for design, ratio in zip(self.designs, density_ratio, strict=True)
         ]
-        return Solved(np.array(lowest, dtype=float), np.zeros(len(lowest)))
-
-
-def _critical(answer: Answer) -> float:
-    """Return the critical depth over D of an answer; inf if a whole search found none, NaN if it is not known."""
-    depth = answer.values.get("critical_depth_over_D")
-    if depth is not None:
-        return float(depth)
-    # a search that stopped early says so
-    return np.inf if answer.status == "ok" and not answer.message else np.nan
-
-
-def _table(answers: Sequence[Sequence[Answer | None]], read: Callable[[Answer, Any], Any], estimate: str) -> Solved:
-    """Return what is read from answers (n, k), NaN where there is none, and half widths by its estimated error.
-
-    A half width is NaN where that error is unknown, and 0 of what is 0 or is never estimated.
-    """
-
-    def pair(one: Answer | None) -> tuple[float, float]:
-        if one is None or one.response is None:
-            return np.nan, np.nan
-        value, error = read(one, one.response), {"force": one.error_estimate, **one.estimates}.get(estimate)
-        if not estimate or not value:
-            return value, 0.0
-        return value, np.nan if error is None else abs(value) * error
-
-    value, half_width = np.moveaxis(np.array([[pair(one) for one in row] for row in answers], dtype=float), -1, 0)
-    return Solved(value, half_width)
+        units = np.array([frequency_unit(design.D, design.E, design.density) for design in self.designs])
+        lowest = self.fem.answers(heavy, ["modes"])["mode1_Hz"].to_numpy() / units
+        return Solved(lowest, np.zeros(len(lowest)))
 
 
 MOST_POINTS = 12
@@ -240,7 +216,7 @@ class FrontPoint:
 
 
 def solved_front(
-    candidates: Candidates, needed: Requirements, solver: Solver, *, most: int = MOST_POINTS
+    candidates: Candidates, needed: Requirements, fem: FiniteElements, *, most: int = MOST_POINTS
 ) -> list[FrontPoint]:
     """Solve a front by finite elements, and return its points, those that pass first, in the order of their ranks.
 
@@ -262,11 +238,11 @@ def solved_front(
     chosen = (
         np.unique([best, *spread(F, max(most - 1, 1)).tolist()])[: max(most, 1)] if most > 1 else np.array([best])
     )
-    points = solved_points(candidates.take(kept[chosen]), needed, solver)
-    return ranked(points, needed, solver)
+    points = solved_points(candidates.take(kept[chosen]), needed, fem)
+    return ranked(points, needed, fem)
 
 
-def solved_points(candidates: Candidates, needed: Requirements, solver: Solver) -> list[FrontPoint]:
+def solved_points(candidates: Candidates, needed: Requirements, fem: FiniteElements) -> list[FrontPoint]:
     """Solve candidates by finite elements, and return them without ranks."""
     sensors = sensors_of(candidates)
     variants = [_variant(candidates, k) for k in range(len(candidates))]
@@ -279,8 +255,8 @@ def solved_points(candidates: Candidates, needed: Requirements, solver: Solver) 
     shears = np.full((len(sensors), SOLVED_DEPTHS), NO_SHEAR)
     least = np.full_like(deepest, surrogate_range.SHALLOWEST_SHEAR)
     ask = np.where(np.isnan(ask), np.hstack([deepest, least, deepest, shears]), ask)
-    fem = FemBeams([variant.design for variant in variants], solver)
-    solved, worse = (performance(sensors, fem, needed, caution=ca, ask=ask, dense=True) for ca in (0.0, 1.0))
+    solid = FemBeams([variant.design for variant in variants], fem)
+    solved, worse = (performance(sensors, solid, needed, caution=ca, ask=ask, dense=True) for ca in (0.0, 1.0))
     answers = (predicted, cautious, solved, worse)
     return [_point(k, candidates.take([k]), variant, *answers) for k, variant in enumerate(variants)]
 
@@ -367,23 +343,22 @@ def solve_line(row: FlatRow, accuracy: str, file: str = "winner.toml") -> str:
     return " ".join([*words, f"--accuracy {accuracy}"])
 
 
-def with_solved_loads(point: FrontPoint, needed: Requirements, solver: Solver) -> FrontPoint:
+def with_solved_loads(point: FrontPoint, needed: Requirements, fem: FiniteElements) -> FrontPoint:
     """Return a point whose worst loads are solved by themselves, and its strain with its margin by these."""
     rows = [dict(row) for row in point.worst]
     design = point.variant.design
     for _ in range(CORRECTED):
-        scenes = []
         for row in rows:
             load = Load(row["depth_mm"], row["shear_mm"], friction="stick" if row["shear_mm"] else "none")
             model: Model = "harmonic" if row["shear_mm"] else "auto"
-            scenes.append(Scene(replace(design, E=row["E_MPa"]), (load,), solver.accuracy, model=model))
-        for row, (answer,) in zip(rows, solver.answers(scenes), strict=True):
-            if answer.response is None:
+            answer = fem.answers([(replace(design, E=row["E_MPa"]), load)], MOTIONS, model).iloc[0]
+            if np.isnan(answer["fem_force_N"]):
                 return point
-            row["strain_percent"] = 100 * answer.values["largest_strain"]
-            row["solved_force_z_N"], row["solved_force_x_N"] = answer.response.force[2], answer.response.force[0]
+            row["strain_percent"] = float(answer["fem_largest_strain_percent"])
+            row["solved_force_z_N"] = float(answer["fem_force_N"])
+            row["solved_force_x_N"] = float(answer.get("fem_force_x_N", 0.0))
             row["solved_depth_mm"], row["solved_shear_mm"] = row["depth_mm"], row["shear_mm"]
-            row["message"] = answer.message
+            row["message"] = answer["message"]
             # a press grows like the power 1.5 of its depth, a shear in proportion
             row["depth_mm"] *= (row["force_z_N"] / row["solved_force_z_N"]) ** (2 / 3)
             if row["shear_mm"]:
@@ -423,12 +398,12 @@ def solved_objectives(points: Sequence[FrontPoint], needed: Requirements) -> tup
     return F, np.fmax(RESOLUTION, np.abs(objectives(moved, needed) - F).max(axis=0))
 
 
-def ranked(points: Sequence[FrontPoint], needed: Requirements, solver: Solver | None = None) -> list[FrontPoint]:
+def ranked(points: Sequence[FrontPoint], needed: Requirements, fem: FiniteElements | None = None) -> list[FrontPoint]:
     """Return points with their ranks and scores, the best first, and then those that failed.
 
     Parameters
     ----------
-    solver : solves the worst loads of the best point; if it fails by them, those of the next one.
+    fem : solves the worst loads of the best point; if it fails by them, those of the next one.
     """
     passed = [point for point in points if point.status == "ok"]
     failed = [point for point in points if point.status != "ok"]
@@ -439,7 +414,7 @@ def ranked(points: Sequence[FrontPoint], needed: Requirements, solver: Solver | 
         score = scores(steps(F, resolution), needed).round(9)
         order = np.lexsort((F.sum(axis=1), -score)).tolist()
         first = passed[order[0]]
-        checked = first if solver is None else with_solved_loads(first, needed, solver)
+        checked = first if fem is None else with_solved_loads(first, needed, fem)
         if checked.status == "ok":
             best = [checked, *(passed[k] for k in order[1:])]
             rank = [1 + int((score > score[k]).sum()) for k in order]

@@ -16,8 +16,9 @@ from fem.accuracy import Accuracy
 from geometry.design import Design
 from geometry.messages import Progress
 from studies.calibration.sensor_fit import Fit
+from studies.cases import FiniteElements
 from studies.mechanics import store as stores
-from studies.mechanics.solve_plan import Processes, Solver
+from studies.mechanics.solve_plan import Processes
 from studies.output import page_templates
 from studies.output.atomic_files import write_json
 from studies.output.figures import picture
@@ -152,9 +153,11 @@ def run(requirements: Requirements, settings: Settings, progress: Progress) -> S
     with stores.opened(settings.store or stores.default()) as store:
         found = searched(requirements, catalogues, settings.effort, part_of(progress, 0.0, SEARCHED))
         candidates = sum(pool.rated for pool in found)
-        solver = Solver(store, settings.processes, _calls(progress, SEARCHED, SOLVED), settings.accuracy)
+        options = {"store": store, **dataclasses.asdict(settings.processes)}
+        report = _calls(progress, SEARCHED, SOLVED)
+        fem = FiniteElements(settings.accuracy, options | {"progress": report})
         if not any((pool.violation == 0).any() for pool in found):
-            quiet = Solver(store, settings.processes, None, settings.accuracy)
+            quiet = FiniteElements(settings.accuracy, options)
             conflict = conflicts.conflict_of(
                 requirements,
                 catalogues,
@@ -165,7 +168,7 @@ def run(requirements: Requirements, settings: Settings, progress: Progress) -> S
             )
             return sizing(candidates, 0, [], None, conflict)
         variants, _ = whole_front(found)
-        front = solved_front(variants, requirements, solver, most=settings.points)
+        front = solved_front(variants, requirements, fem, most=settings.points)
     made = None
     if front and front[0].status == "ok":
         progress(SOLVED, f"{settings.sensors} made sensors")

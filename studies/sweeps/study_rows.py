@@ -50,6 +50,8 @@ OF_STATES = {
 """Quantities that stored states say beside their response: names of the value and of its unit, and a factor."""
 POSE = ("shift_x_mm", "shift_y_mm", "shift_z_mm", "tilt_rad", "tilt_y_rad")
 """Columns that place the magnet."""
+NO_CRITICAL_DEPTH = "no critical depth"
+"""What the message of a search that found none begins with."""
 MOST_DECODERS = 16
 """Number of decoders that are kept, some MB each."""
 
@@ -368,7 +370,7 @@ def with_critical(status: str, critical: Answer, problem: Problem) -> tuple[str,
     if depth is None:
         if stable is None or critical.message:
             return status, ""
-        return status, f"no critical depth down to {stable * D:.4g} mm, where the search ends"
+        return status, f"{NO_CRITICAL_DEPTH} down to {stable * D:.4g} mm, where the search ends"
     presses = load.depth > 0 and load == Load(load.depth)
     if presses and status == "ok" and load.depth > depth * D:
         return "unstable", f"the press buckles sideways at {depth * D:.4g} mm, now it is {load.depth:g} mm deep"
