@@ -31,11 +31,12 @@ from fem.results.postprocess import read
 from fem.scene import FIRST_TOUCH, Scene
 from fem.solution import Solution
 from fem.solve.load_case_models import graded_depth, path_models
+from fem.solve.load_increments import Reached
 from fem.solve.load_stepping import Path
-from fem.solve.newton import Stop
 from fem.solve.path_state import PathState
 from geometry.bad_input import SolveFailed
 from geometry.design import OF_TIME, BadInput, Design
+from geometry.loads import ANSWERED
 from studies.mechanics.study_cases import Recent
 from studies.web import (
     state_answers,
@@ -95,7 +96,7 @@ class Answers:
         state = request.state
         if name == "curve.csv":
             return state_exports.of_curve(self._curve(request, state.level))
-        solution = solve_with_estimates(self.paths, state, state.level)
+        solution = self.paths.with_estimates(state, state.level)
         return state_exports.of_solution(name, state, solution, sensor_of(request))
 
     def forget(self) -> None:
@@ -110,7 +111,7 @@ class Answers:
         state, parts, made = request.state, request.parts, sensor_of(request)
         calibration = state_answers.NOT_CALIBRATED if request.made is not None and made is None else ""
         decoder = self._kept.values.get(("decoder", state.design))
-        solution = solve(self.paths, state, level)
+        solution = self.paths.of_state(state, level)
         section = (
             {"section": state_pictures.section(state.design, solution, state.magnet)} if "state" in parts else {}
         )
@@ -126,7 +127,7 @@ class Answers:
         if "sensor3d" in parts:
             yield "sensor3d", level, state_pictures.surface(solution)
         if "state" in parts:
-            solution = solve_with_estimates(self.paths, state, level)
+            solution = self.paths.with_estimates(state, level)
             section = {"section": state_pictures.section(state.design, solution, state.magnet)}
             yield answer()
             if decoder is None and made is None and state.design.shape.has_magnet:
@@ -216,42 +217,20 @@ def mechanics(design: Design) -> tuple[Any, ...]:
     return tuple(getattr(design, name) for name in names if name not in idle)
 
 
-def scene_of(state: ExplorerState, level: str) -> Scene:
-    """Return the scene of a state at an accuracy."""
-    return Scene(state.design, (state.load,), LEVELS[level], state.magnet)
-
-
-def solve(paths: KeptPaths, state: ExplorerState, level: str) -> Solution:
-    """Return the solution of a state without error estimates; at level quick it may start at the last state."""
-    return paths.solve(scene_of(state, level), moving=level == "quick")
-
-
-def solve_with_estimates(paths: KeptPaths, state: ExplorerState, level: str) -> Solution:
-    """Return the solution with error estimates and the check of its stability, as `fem.equilibrium.solve` does."""
-    scene = scene_of(state, level)
-    solution = paths.solve(scene, sideways=True)
-    if solution.status not in ("ok", "unstable"):
-        return solution
-    coarse = paths.solve(replace(scene, accuracy=coarser(LEVELS[level])))
-    return with_estimates(solution, coarse, scene)
-
-
 @dataclass(slots=True)
 class _Kept:
-    """A path with its state at the beginning of a shear, and the last one, of the scene named `name`.
+    """A path with its state at the beginning of a shear, and what it has reached for the scene named `name`.
 
-    `continued` says that the last state was reached from the one before it. `sideways` is the model in which the
-    stability of its presses is checked.
+    `continued` says that this was reached from the state before it, in `seconds`. `sideways` is the model in which
+    the stability of its presses is checked.
     """
 
     path: Path
     sideways: SidewaysModel
     begun: PathState | None = None
     name: str = ""
-    last: PathState | None = None
+    reached: Reached[PathState] | None = None
     continued: bool = False
-    stop: Stop = ""
-    iterations: int = 0
     seconds: float = 0.0
 
 
@@ -261,6 +240,18 @@ class KeptPaths:
     def __init__(self) -> None:
         self._kept: dict[str, _Kept] = {}
 
+    def of_state(self, state: ExplorerState, level: str) -> Solution:
+        """Return the solution of a state without error estimates; at level quick it may start at the last state."""
+        return self.solve(_scene_of(state, level), moving=level == "quick")
+
+    def with_estimates(self, state: ExplorerState, level: str) -> Solution:
+        """Return the solution with error estimates and a check of its stability, as `fem.equilibrium.solve` does."""
+        scene = _scene_of(state, level)
+        solution = self.solve(scene, sideways=True)
+        if solution.status not in ANSWERED:
+            return solution
+        return with_estimates(solution, self.solve(replace(scene, accuracy=coarser(LEVELS[level]))), scene)
+
     def solve(self, scene: Scene, *, sideways: bool = False, moving: bool = False) -> Solution:
         """Return the solution of a scene with one load, without error estimates.
 
@@ -269,21 +260,7 @@ class KeptPaths:
         sideways : check whether an axisymmetric press would be stable sideways, which takes longer than the press.
         moving : start at the last state if it is nearer than the first one.
         """
-        kept = self._followed(scene, moving)
-        assert kept.last is not None
-        return read(
-            kept.last,
-            scene,
-            scene.loads[0],
-            kept.stop,
-            iterations=kept.iterations,
-            seconds=kept.seconds,
-            margin=kept.sideways.margin if sideways else None,
-        )
-
-    def _followed(self, scene: Scene, moving: bool) -> _Kept:
-        key, name = _key(scene), json.dumps(scene.dimensionless())
-        begin = time.perf_counter()
+        begin, key, name = time.perf_counter(), _key(scene), json.dumps(scene.dimensionless())
         kept = self._kept.pop(key, None)
         if kept is None:
             path = Path(path_models(scene))
@@ -293,50 +270,52 @@ class KeptPaths:
         while len(self._kept) > MOST_PATHS:
             self._kept.pop(next(iter(self._kept)))
         if kept.name != name or (kept.continued and not moving):
-            near = moving and bool(kept.name)
-            kept.name = ""
-            kept.continued = near and _continue(kept, scene)
-            if not kept.continued:
-                _follow(kept, scene)
+            # a path that is given up on the way has no name
+            near, kept.name = moving and bool(kept.name), ""
+            further = _continued(kept, scene) if near else None
+            kept.continued, kept.reached = further is not None, further or _followed(kept, scene)
             kept.name, kept.seconds = name, time.perf_counter() - begin
-        return kept
+        reached = kept.reached
+        assert reached is not None
+        margin = kept.sideways.margin if sideways else None
+        state, stop, iterations = reached.state, reached.stop, reached.iterations
+        return read(state, scene, scene.loads[0], stop, iterations=iterations, seconds=kept.seconds, margin=margin)
 
 
-def _continue(kept: _Kept, scene: Scene) -> bool:
-    """Follow a path from its last state to the load of its scene; return whether this is a valid and shorter way."""
-    last, goal = kept.last, scene.position(scene.loads[0])
-    if last is None or kept.stop or last.friction is not None:
-        return False
+def _scene_of(state: ExplorerState, level: str) -> Scene:
+    return Scene(state.design, (state.load,), LEVELS[level], state.magnet)
+
+
+def _continued(kept: _Kept, scene: Scene) -> Reached[PathState] | None:
+    """Follow a path from its last state to the load of its scene; None if this is no valid or no shorter way."""
+    goal, start = scene.position(scene.loads[0]), kept.begun or kept.path.rest
+    if kept.reached is None or kept.reached.stop or kept.reached.state.friction is not None:
+        return None
+    last = kept.reached.state
     if last.onset is not None or not last.stability.is_stable:
-        return False
-    start = kept.begun or kept.path.rest
+        return None
     if np.linalg.norm(goal - last.position) >= np.linalg.norm(goal - start.position):
-        return False
+        return None
     # from one move of a hand to the next, extrapolation of the last states is a better first guess than the predictor
     reached = kept.path.advance(replace(last, reduced=None), goal)
-    state = reached.state
     # the limit of a path, and where it loses stability, are found from its beginning
-    if reached.stop or not state.stability.is_stable or state.onset is not None:
-        return False
-    kept.last, kept.iterations = state, reached.iterations
-    return True
+    lost = reached.stop or not reached.state.stability.is_stable or reached.state.onset is not None
+    return None if lost else reached
 
 
-def _follow(kept: _Kept, scene: Scene) -> None:
+def _followed(kept: _Kept, scene: Scene) -> Reached[PathState]:
     """Follow a path to the load of its scene: from rest, or from the press at which the shear begins."""
     (load,), path, before = scene.loads, kept.path, 0
-    position, start = scene.position(load), path.rest
-    if load.shears_tip:
-        if kept.begun is None:
-            pressed = path.advance(path.rest, position * [1, 0, 0])
-            before = pressed.iterations
-            if pressed.stop:
-                kept.last, kept.stop, kept.iterations = pressed.state, pressed.stop, before
-                return
-            kept.begun = path.begin_shear(pressed.state)
-        start = kept.begun
-    reached = path.advance(start, position)
-    kept.last, kept.stop, kept.iterations = reached.state, reached.stop, before + reached.iterations
+    position = scene.position(load)
+    if not load.shears_tip:
+        return path.advance(path.rest, position)
+    if kept.begun is None:
+        pressed = path.advance(path.rest, position * [1, 0, 0])
+        if pressed.stop:
+            return pressed
+        before, kept.begun = pressed.iterations, path.begin_shear(pressed.state)
+    sheared = path.advance(kept.begun, position)
+    return replace(sheared, iterations=before + sheared.iterations)
 
 
 def _key(scene: Scene) -> str:
