@@ -21,6 +21,7 @@ from geometry.design import BadInput, Design
 from geometry.loads import Load
 from studies.inputs.user_input import FIELDS, changed_fields
 from studies.mechanics.worker_process import WorkerDied, processes
+from studies.output.page_templates import rendered
 from studies.web.explorer_state import OPENING_DEPTH, ExplorerState, plain
 
 if TYPE_CHECKING:
@@ -35,6 +36,7 @@ TYPES = {
     "fields.vtu": "application/vnd.vtk+xml",
 }
 """Names of the exports, and the types of their files."""
+PYTHON = Path(__file__).with_name("state_commands.py.j2")
 PATIENCE = 300.0
 """Longest time that the mould's process may take, s; it takes some 10 s."""
 
@@ -66,35 +68,27 @@ def shell(state: ExplorerState) -> str:
     >>> shell(state_of({"load": {"depth": 1, "frequency": 600, "speed": 2}})).splitlines()[1:]
     ['magtip response paper --depth 1 --frequencies 1:600', 'magtip cycle paper --depth 1 --speed 2']
     """
-    return "\n".join([_solve_line(state), *_rate_lines(state)])
-
-
-def _rate_lines(state: ExplorerState) -> list[str]:
-    load, lines = state.load, []
-    own: dict[str, Any] = {"--depth": load.depth, "--shear": load.shear_x or None}
+    load, lines, tilt = state.load, [], {"--plate-tilt": state.motion.plate_tilt or None}
+    own = {"--depth": load.depth, "--shear": load.shear_x or None}
+    both = own | {"--shear-y": load.shear_y or None}
+    friction = plain(load.friction) if load.shear or load.coulomb else None
+    lines.append(line("solve", state, both | tilt | {"--friction": friction}))
     if state.frequency:
-        band = ":".join(plain(value) for value in sorted({state.frequency, band_end(state.frequency)}))
-        friction = plain(state.vibrating_load.friction)
-        own_friction = None if friction == "stick" or not load.depth else friction
-        more = {"--frequencies": band, "--friction": own_friction, "--plate-tilt": state.motion.plate_tilt or None}
-        lines.append(line("response", state, own | {"--shear-y": load.shear_y or None} | more))
+        about = plain(state.vibrating_load.friction)
+        friction = None if about == "stick" or not load.depth else about
+        lines.append(
+            line("response", state, both | {"--frequencies": _band(state, ":"), "--friction": friction} | tilt)
+        )
     if state.speed and not load.plate_tilt and not load.shear_y and load.depth:
-        contact = plain(load.friction) if load.coulomb is not None else None
-        lines.append(line("cycle", state, own | {"--speed": state.speed, "--friction": contact}))
-    return lines
+        friction = plain(load.friction) if load.coulomb is not None else None
+        lines.append(line("cycle", state, own | {"--speed": state.speed, "--friction": friction}))
+    return "\n".join(lines)
 
 
-def band_end(frequency: float) -> float:
-    """Return the other end of a band that begins or ends at a frequency, Hz."""
-    return 1.0 if frequency > 1 else 1000.0
-
-
-def _solve_line(state: ExplorerState) -> str:
-    motion = state.motion
-    options: dict[str, Any] = {"--depth": motion.depth, "--shear": motion.shear, "--shear-y": motion.shear_y}
-    options["--plate-tilt"] = motion.plate_tilt or None
-    options["--friction"] = plain(state.load.friction) if state.load.shear or state.load.coulomb else None
-    return line("solve", state, options)
+def _band(state: ExplorerState, between: str) -> str:
+    """Return a band of frequencies, Hz, that begins or ends at that of a state."""
+    ends = (state.frequency, 1.0 if state.frequency > 1 else 1000.0)
+    return between.join(map(plain, sorted(ends)))
 
 
 def line(verb: str, state: ExplorerState, options: dict[str, Any]) -> str:
@@ -114,28 +108,12 @@ def line(verb: str, state: ExplorerState, options: dict[str, Any]) -> str:
 
 def python(state: ExplorerState) -> str:
     """Return the lines of Python that solve for the state, read the Hall elements, and vibrate where it has rates."""
-    accuracy, has_magnet = state.level.upper(), state.design.shape.has_magnet
     fields = "".join(f", {name}={_literal(value)}" for name, value in changed_fields(state.design).items())
     magnet = "" if state.magnet == "rigid" else f', magnet="{state.magnet}"'
-    vibrates, about = bool(state.frequency), _load_source(state.vibrating_load)
-    band = ", ".join(plain(value) for value in sorted({state.frequency, band_end(state.frequency)}))
-    lines = [
-        "from dataclasses import replace\n" if fields else "",
-        "from analytic import hall" if has_magnet else "",
-        f"from fem.accuracy import {accuracy}",
-        "from fem.equilibrium import solve",
-        "from fem.analyses.vibration import vibrating_sensor" if vibrates else "",
-        "from geometry.design import paper",
-        "from geometry.loads import Load\n",
-        f"design = replace(paper(){fields})" if fields else "design = paper()",
-        f"state = solve(design, {_load_source(state.load)}, {accuracy}{magnet})",
-        "print(state.status, state.message)",
-        "print(state.response)",
-        "print(hall.readings(design, state.response).output)" if has_magnet else "",
-        f"sensor = vibrating_sensor(design, {about}, ({band}), {accuracy}{magnet})" if vibrates else "",
-        f"print(sensor.at([{plain(state.frequency)}]).force)" if vibrates else "",
-    ]
-    return "".join(f"{line}\n" for line in lines if line)
+    values = {"fields": fields, "has_magnet": state.design.shape.has_magnet, "magnet": magnet}
+    values |= {"accuracy": state.level.upper(), "load": _load_source(state.load)}
+    values |= {"frequency": state.frequency and plain(state.frequency), "about": _load_source(state.vibrating_load)}
+    return f"{rendered(PYTHON, **values, band=_band(state, ', '))}\n"
 
 
 def address_fields(design: Design) -> dict[str, str]:
