@@ -18,6 +18,8 @@ from studies.firmware.decoder_export import STATUSES
 from studies.sensing import decode_readings
 from studies.validation import firmware_check
 
+THREE_CHIPS = {"hall_layout": "tlv493d-a1b6", "chip_count": 3, "chip_x": 5.0}
+
 LIBRARY = """
 #include "magtip_decoder.h"
 static magtip_sensor sensor;
@@ -103,7 +105,7 @@ def test_c_is_python_over_the_workspace_and_over_time(firmware, compiler, tmp_pa
 
 @needs("gcc")
 def test_folds_are_ambiguous_as_in_python(tmp_path):
-    firmware = decoder_export.prepare(Design(**firmware_check.FOLDED), "paper", None, "64k")
+    firmware = decoder_export.prepare(Design(**firmware_check.PLAN["case"][-1]["fields"]), "paper", None, "64k")
     firmware_check.write_header(firmware, tmp_path)
     program = firmware_check.compiled(tmp_path, "gcc", [*firmware_check.STRICT, "-O0"])
     outputs, truth = firmware_check.random_outputs(firmware.coder, 1500, np.random.default_rng(3))
@@ -118,7 +120,7 @@ def test_folds_are_ambiguous_as_in_python(tmp_path):
 
 @needs("gcc")
 def test_several_chips_decode_as_python_and_may_contradict_each_other(tmp_path):
-    firmware = decoder_export.prepare(Design(**firmware_check.THREE_CHIPS), None, None, "64k")
+    firmware = decoder_export.prepare(Design(**THREE_CHIPS), None, None, "64k")
     firmware_check.write_header(firmware, tmp_path)
     program = firmware_check.compiled(tmp_path, "gcc", [*firmware_check.STRICT, "-O0"])
     outputs, truth = firmware_check.random_outputs(firmware.coder, 600, np.random.default_rng(4))
@@ -137,7 +139,9 @@ def test_several_chips_decode_as_python_and_may_contradict_each_other(tmp_path):
 def test_hostile_readings_under_sanitizers(chip, tmp_path):
     firmware_check.write_header(chip, tmp_path)
     # without optimisation it is compiled five times as fast
-    program = firmware_check.compiled(tmp_path, "gcc", [*firmware_check.SANITIZED, "-O0", "-g0"])
+    program = firmware_check.compiled(
+        tmp_path, "gcc", [*firmware_check.PLAN["flags"]["sanitized"].split(), "-O0", "-g0"]
+    )
     faults, share = firmware_check.hostile_faults(program, chip.coder, 3_000)
     assert faults == 0
     assert share > 5
@@ -152,9 +156,10 @@ def test_the_target_gives_the_same_answers_within_its_limits(firmware, tmp_path)
     found = firmware_check.answers(program, outputs)
     off = firmware_check.differences(found, expected, firmware.errors[2], truth)
     assert (off["statuses_percent"], off["force_percent"] < 0.02) == (0, True)
-    assert 1000 < found["instructions"].max() < firmware_check.MOST_INSTRUCTIONS
+    most = {column: bound for _, column, bound, _ in firmware_check.PLAN["goals"]}
+    assert 1000 < found["instructions"].max() < most["instructions_most"]
     assert flash < 16384
-    assert ram + found["stack"].max() < firmware_check.MOST_RAM
+    assert ram + found["stack"].max() < most["ram_bytes"]
 
 
 def test_the_interval_is_that_of_noise_fit_and_branches(chip, library):

@@ -88,8 +88,8 @@ class States(NamedTuple):
 
 UNDER, GRIP = VALUES["under"], VALUES["grip"]
 CONDITIONS: tuple[tuple[str, Magnet, float, float], ...] = (
-    *((f"stuck to a plate at depth {depth:g} mm", "rigid", depth, NAN) for depth in UNDER),
-    (f"stuck to a plate at depth {UNDER[0]:g} mm, no magnet", "ignored", UNDER[0], NAN),
+    *((f"stuck to a plate at depth {depth:g} mm", "rigid", depth, 0.0) for depth in UNDER),
+    (f"stuck to a plate at depth {UNDER[0]:g} mm, no magnet", "ignored", UNDER[0], 0.0),
     (f"topmost {GRIP:g} mm gripped, free to sink", "rigid", 0.0, GRIP),
 )
 """Conditions of the tip under a shear: name, magnet, depth of the press and height of the grip, mm."""
@@ -98,29 +98,21 @@ QUANTITIES = ("force", "shift", "tilt", "readings")
 
 def solve(extent: Row, store: Path | None, progress: Progress | None = None) -> States:
     series = [(height, "none") for height in extent["heights"]] + [(paper().magnet_height, VALUES["friction"])]
-    presses = [
-        {"height": height, "friction": friction, "depth_mm": depth}
+    designs = {height: with_magnet(height) for height, _ in series}
+    states: list[tuple[str, Design, Load, Magnet]] = [
+        ("", designs[height], Load(depth, friction=friction), "rigid")
         for height, friction in series
         for depth in extent["depths"]
     ]
-    shears = [
-        {"tip": tip, "height": paper().magnet_height, "magnet": magnet, "shear_mm": shear}
-        | {"depth_mm": depth, "grip_mm": grip, "friction": "stick" if depth else "none"}
-        for tip, magnet, depth, grip in CONDITIONS
-        for shear in extent["shears"]
-    ]
-    rows = pd.DataFrame([*presses, *shears]).fillna({"tip": "", "magnet": "rigid", "shear_mm": 0.0})
-    designs = {height: with_magnet(height) for height in {*extent["heights"], paper().magnet_height}}
-    for field in ("magnet_diameter", "magnet_height", "magnet_edge_radius", "l0"):
-        rows[f"{field}_mm"] = [getattr(designs[height], field) for height in rows["height"]]
-    rows.loc[rows["tip"] != "", "l0_mm"] = paper().l0
-    asked = rows.drop(columns=["tip", "height"])
-    model = f"fem:{extent['accuracy']}"
+    for tip, magnet, depth, grip in CONDITIONS:
+        held: Any = {"grip": grip} if grip else {"friction": "stick"}
+        states += [(tip, paper(), Load(depth, shear, **held), magnet) for shear in extent["shears"]]
+    asked, model = cases.table(each[1:] for each in states), f"fem:{extent['accuracy']}"
     answers = cases.answer(asked, [model], quantities=QUANTITIES, store=store, progress=progress)
-    answers = answers.assign(tip=rows["tip"], height=rows["height"])
+    answers = answers.assign(tip=[tip for tip, *_ in states])
     sheared, pressed = answers[answers.tip != ""], answers[answers.tip == ""]
     smooth, rubbed = (pressed[(pressed.friction == "none") == bare] for bare in (True, False))
-    found = [press_of(designs[height], own) for height, own in smooth.groupby("height", sort=False)]
+    found = [press_of(designs[height], own) for height, own in smooth.groupby("magnet_height_mm", sort=False)]
     return States(found, press_of(paper(), rubbed), sheared, smooth)
 
 

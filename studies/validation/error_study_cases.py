@@ -8,7 +8,7 @@ also given for the odd designs alone.
 
 import csv
 import functools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -27,22 +27,21 @@ from studies.cases import FemModel
 from studies.simulation.compare import part
 
 DESIGNS = 12
-DEPTHS = (0.03, 0.1, PRESS_DEPTH)
-"""Depths of a press over D; all are scaled down in proportion if the silicone is too thin for the deepest."""
-STICK = (0.1, (0.0, 0.05, STICK_SHEAR))
-"""Largest depth, and shears of the glued plate, over D."""
-RUB = ((0.0, 0.04, FRICTION_SHEAR), 0.4)
-"""Shears with Coulomb friction over D, at the depth of STICK, for partial and full slip; coefficient of friction."""
-DEEP = (0.25, 0.5, 1.0)
-"""Depths of deep presses: 0 is the deepest depth of scene press, 1 the deepest of the study."""
-FAR = (0.3, FAR_SHEAR)
-"""Large shears of the glued plate over D."""
+SCENES: dict[str, dict[str, Any]] = {
+    "press": {"presses": (0.12, 0.4, 1.0)},
+    "deep": {"deep": (0.25, 0.5, 1.0)},
+    "stick": {"under": (0.1,), "shears": (0.0, 0.05, STICK_SHEAR)},
+    "far": {"under": (0.1,), "shears": (0.3, FAR_SHEAR)},
+    "friction": {"under": (0.1,), "shears": (0.0, 0.04, FRICTION_SHEAR), "coefficients": (0.4,)},
+    "critical": {"room": (DEEPEST,)},
+    "small shear": {"presses": (0.1 / PRESS_DEPTH, 1.0)},
+    "modes": {"presses": (0.0, 1.0)},
+}
+"""Loads of the scenes, as `loads_of` takes them; those of friction are for partial and full slip."""
 GRIP = (0.2, STICK_SHEAR)
 """Height and shear of a grip over D."""
 TANGENT_SCENES = ("critical", "small shear", "modes")
 """Scenes that follow from a tangent about a press: critical depths, small shears of a glued plate, frequencies."""
-SHALLOW = 0.1 / PRESS_DEPTH
-"""Smaller depth of a small shear, over the larger one."""
 
 
 class Trial(NamedTuple):
@@ -70,20 +69,30 @@ class Trial(NamedTuple):
 
 def trial(number: int, magnet: Magnet, scene: str, model: Model) -> Trial:
     design = designs()[number]
-    D = design.D
-    first, most = press_limits(design, magnet)
-    depth, room = rounded(min(STICK[0] * D, first)), design.L - design.magnet_height * (magnet == "rigid")
-    depths = {"press": [d / DEPTHS[-1] * first for d in DEPTHS], "deep": [first + d * (most - first) for d in DEEP]}
-    depths |= {"critical": [DEEPEST * room], "small shear": [SHALLOW * first, first], "modes": [0.0, first]}
-    shears = {"stick": STICK[1], "far": FAR, "friction": RUB[0]}
-    if scene in depths:
-        loads = [Load(depth=rounded(each)) for each in depths[scene]]
-    elif scene in shears:
-        mu: Any = RUB[1] if scene == "friction" else "stick"
-        loads = [Load(depth=depth, shear_x=rounded(x * D), friction=mu) for x in shears[scene]]
-    else:
-        loads = [Load(grip=rounded(GRIP[0] * D), shear_x=rounded(GRIP[1] * D))]
+    loads = [Load(grip=rounded(GRIP[0] * design.D), shear_x=rounded(GRIP[1] * design.D))]
+    if scene != "grip":
+        loads = loads_of(design, magnet, SCENES[scene])
     return Trial(number, design, magnet, scene, model, tuple(loads))
+
+
+def loads_of(design: Design, magnet: Magnet, scene: Mapping[str, Any], turn: int = 0) -> list[Load]:
+    """Return presses, or shears at one depth, of a design.
+
+    Presses are `presses` over the deepest depth of scene press, which is D/4 or less; `deep`, 0 at that depth and 1
+    at the deepest one of the study; and `room`, over the silicone above or below the magnet. Shears have depths
+    `under` and `shears` over D, and `coefficients` of friction (default: a plate that sticks); of several depths and
+    coefficients the `turn` takes one.
+    """
+    D, (first, most) = design.D, press_limits(design, magnet)
+    room = design.L - design.magnet_height * (magnet == "rigid")
+    depths = [share * first for share in scene.get("presses", ())]
+    depths += [first + share * (most - first) for share in scene.get("deep", ())]
+    depths += [share * room for share in scene.get("room", ())]
+    if depths:
+        return [Load(depth=rounded(each)) for each in depths]
+    under, frictions = scene["under"], scene.get("coefficients", ("stick",))
+    depth, friction = rounded(min(under[turn % len(under)] * D, first)), frictions[turn % len(frictions)]
+    return [Load(depth=depth, shear_x=rounded(x * D), friction=friction) for x in scene["shears"]]
 
 
 @functools.cache

@@ -8,6 +8,7 @@ import math
 import shutil
 import subprocess
 import tempfile
+import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -31,48 +32,13 @@ from studies.validation import pages
 from studies.validation.pages import Row
 
 FILES = ("FIRMWARE.md", "firmware.csv")
-FOLDED = {"magnet_diameter": 6.0, "magnet_height": 3.0, "L": 12.0, "l0": 8.5}
-THREE_CHIPS = {"hall_layout": "tlv493d-a1b6", "chip_count": 3, "chip_x": 5.0}
-CASES: tuple[tuple[str, dict[str, Any], str, str], ...] = (
-    ("paper", {}, "finite", "64k"),
-    ("paper", {}, "finite", "16k"),
-    ("paper, level paper", {}, "paper", "64k"),
-    ("paper, plates of 0.5 mm", {"hall_plate": 0.5}, "finite", "64k"),
-    ("TLE493D-P2B6", {"hall_layout": "tle493d-p2b6"}, "finite", "64k"),
-    ("TLE493D-P2B6", {"hall_layout": "tle493d-p2b6"}, "finite", "16k"),
-    ("TLV493D-A1B6", {"hall_layout": "tlv493d-a1b6"}, "finite", "64k"),
-    ("MLX90393", {"hall_layout": "mlx90393"}, "finite", "64k"),
-    ("three TLV493D-A1B6", THREE_CHIPS, "finite", "64k"),
-    ("paper, calibrated", {}, "calibrated", "64k"),
-    ("paper, calibrated", {}, "calibrated", "16k"),
-    ("wide magnet, level paper", FOLDED, "paper", "64k"),
-)
-"""Name, fields, level and flash; in the last one folds of the readings cross the workspace."""
-PRESSES = 12
-ROWS, SERIES, ON_TARGET, HOSTILE = 20_000, 2_000, 2_000, 1_000_000
-QUICK = 100
-"""Factor by which --quick has fewer rows."""
-MOST_ERROR, MOST_INSTRUCTIONS, MOST_RAM = 0.5, 100_000, 4096
-GOALS = (
-    ("force beside Python", "force_percent", MOST_ERROR, "% of full scale"),
-    ("force of time series", "series_force_percent", MOST_ERROR, "% of full scale"),
-    ("force on the target", "target_force_percent", MOST_ERROR, "% of full scale"),
-    ("rows with another status, without folds", "statuses_percent", 0.1, "%"),
-    ("rows of time series with another status", "series_statuses_percent", 0.1, "%"),
-    ("instructions of a decoding", "instructions_most", MOST_INSTRUCTIONS, ""),
-    ("RAM with stack", "ram_bytes", MOST_RAM, "bytes"),
-)
-"""Name, column, largest value and unit; statuses count without the last design, whose readings have folds."""
+HERE = Path(__file__).parent
+PLAN: dict[str, Any] = tomllib.loads((HERE / "firmware_plan.toml").read_text("utf-8"))
+"""Designs, numbers of rows, goals and compilers' options."""
+STRICT: list[str] = PLAN["flags"]["strict"].split()
 STEP = 1e-3
 """Height about rest, mm, within which rows are left out of the errors: there the decoder's lateral force has a step,
 between a plate that does not touch and one that does."""
-STRICT = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Werror"]
-SANITIZED = ["-std=c99", "-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
-TARGET = "-mcpu=cortex-m4 -mthumb -mfloat-abi=hard -mfpu=fpv4-sp-d16 -std=gnu99 -fno-math-errno -ffunction-sections "
-TARGET += "-fdata-sections -Wl,--gc-sections --specs=nosys.specs -nostartfiles"
-QEMU = "-M mps2-an386 -cpu cortex-m4 -nographic -monitor none -serial null -icount shift=10 -semihosting-config "
-QEMU += "enable=on,target=native -kernel"
-HERE = Path(__file__).parent
 ANSWER = np.dtype({
     "names": ["status", "poses", "shift", "tilt", "force", "half_width", "instructions", "stack"],
     "formats": ["<i4", "<i4", "3<f4", "2<f4", "3<f4", "3<f4", "<u4", "<u4"],
@@ -91,7 +57,7 @@ def compiled(folder: Path, compiler: str, flags: Sequence[str], name: str = "run
 
 def for_target(folder: Path, optimised: str = "-Os") -> tuple[Path, int, int]:
     """Compile for a Cortex-M4F; return the program, its bytes of flash, and of RAM without the stack."""
-    flags = [*TARGET.split(), optimised, "-T", str(HERE / "firmware_m4.ld")]
+    flags = [*PLAN["flags"]["target"].split(), optimised, "-T", str(HERE / "firmware_m4.ld")]
     program = compiled(folder, "arm-none-eabi-gcc", flags, "run.elf")
     sizes = _run(["arm-none-eabi-size", program.name], folder).splitlines()[1].split()
     text, data, bss = map(int, sizes[:3])
@@ -102,7 +68,7 @@ def answers(program: Path, outputs: Array, seconds: Array | None = None) -> NDAr
     """Return what a program decodes from outputs (n, 3), and from a time series with the seconds before each row."""
     before = np.full(len(outputs), np.nan) if seconds is None else seconds
     np.column_stack([outputs, before]).astype("<f4").tofile(program.parent / "rows.bin")
-    emulator = ["qemu-system-arm", *QEMU.split()] if program.suffix == ".elf" else []
+    emulator = ["qemu-system-arm", *PLAN["flags"]["qemu"].split()] if program.suffix == ".elf" else []
     _run([*emulator, str(program)], program.parent)
     return np.fromfile(program.parent / "answers.bin", ANSWER)
 
@@ -190,27 +156,29 @@ def hostile_faults(program: Path, coder: Decoder, count: int) -> tuple[int, floa
 
 def calibration(folder: Path) -> Path:
     design = Design()
-    simulated_bench.bench(5, PRESSES).iloc[:, :7].to_csv(folder / "bench.csv", index=False)
+    simulated_bench.bench(5, PLAN["presses"]).iloc[:, :7].to_csv(folder / "bench.csv", index=False)
     bench = bench_file.read([folder / "bench.csv"], design)
     law, source, error = calibration_study.mechanics_of(design, None)
     un = sensor_fit.unknowns_of(design, bench, tolerances(), model_error=error)
     noise, force_noise = np.full(3, simulated_bench.READING_NOISE), simulated_bench.FORCE_NOISE
     sensor = sensor_fit.Sensor(design, law, un, noise, force_noise)
-    found = sensor_fit.fit(sensor, sensor_fit.measured_of(bench), np.zeros(PRESSES))
+    found = sensor_fit.fit(sensor, sensor_fit.measured_of(bench), np.zeros(PLAN["presses"]))
     path = folder / "calibration.json"
     path.write_text(calibration_file.as_text(found, source, None), "utf-8")
     return path
 
 
-def judge(name: str, fields: dict[str, Any], level: str, flash: str, fewer: int) -> Row:
+def judge(case: Row, fewer: int) -> Row:
+    """Return the differences of a design's decoder; with `fewer` by this factor of the rows."""
+    level, flash, count = case["level"], case["flash"], {name: n // fewer for name, n in PLAN["rows"].items()}
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)
         found = calibration(folder) if level == "calibrated" else None
         own = None if level == "calibrated" else level
-        firmware = decoder_export.prepare(Design(**fields), own, None, flash, None, found)
+        firmware = decoder_export.prepare(Design(**case["fields"]), own, None, flash, None, found)
         coder, rng = firmware.coder, np.random.default_rng(1)
-        outputs, shift = random_outputs(coder, ROWS // fewer, rng)
-        series, times = series_outputs(coder, max(SERIES // fewer, 200), rng)
+        outputs, shift = random_outputs(coder, count["single"], rng)
+        series, times = series_outputs(coder, max(count["series"], 200), rng)
         expected = decoder_export.reference(coder, firmware.made, outputs)
         over_time = decoder_export.reference(coder, firmware.made, series, times)
         full, seconds = float(np.nanmax(np.abs(expected["force"]))), np.diff(times, prepend=times[0])
@@ -219,13 +187,13 @@ def judge(name: str, fields: dict[str, Any], level: str, flash: str, fewer: int)
         off = differences(answers(host, outputs), expected, full, shift)
         timed = differences(answers(host, series, seconds), over_time, full)
         program, size, ram = for_target(folder)
-        few = slice(ON_TARGET // fewer)
+        few = slice(count["on_target"])
         there, timed_there = answers(program, outputs[few]), answers(program, series, seconds)
     target = differences(there, {k: v[few] for k, v in expected.items()}, full, shift[:, few])
     both = [target, differences(timed_there, over_time, full)]
     off |= {f"series_{key}": timed[key] for key in ("statuses_percent", "force_percent")}
     used = np.concatenate([there, timed_there])
-    return {"design": name, "flash": flash, **off} | {
+    return {"design": case["name"], "flash": flash, **off} | {
         "target_force_percent": max(one["force_percent"] for one in both),
         "instructions_median": int(np.median(used["instructions"])),
         "instructions_most": int(used["instructions"].max()),
@@ -245,26 +213,27 @@ def run(progress: Progress, *, quick: bool = False) -> Result:
     quick
         Decode a hundredth of the rows: seconds instead of minutes.
     """
-    fewer = QUICK if quick else 1
-    rows = [judge(*case, fewer) for case in pages.told(progress, CASES, lambda case: f"{case[0]}, {case[3]}")]
+    fewer = PLAN["quick"] if quick else 1
+    chosen = pages.told(progress, PLAN["case"], lambda case: f"{case['name']}, {case['flash']}")
+    rows, hostile = [judge(case, fewer) for case in chosen], PLAN["rows"]["hostile"] // fewer
     progress(0.9, "sanitizers")
     firmware = decoder_export.prepare(Design(), None, None, "64k")
     with tempfile.TemporaryDirectory() as place:
         write_header(firmware, Path(place))
-        program = compiled(Path(place), "gcc", [*SANITIZED, "-Wall", "-Wextra"])
-        faults, share = hostile_faults(program, firmware.coder, HOSTILE // fewer)
+        program = compiled(Path(place), "gcc", PLAN["flags"]["sanitized"].split())
+        faults, share = hostile_faults(program, firmware.coder, hostile)
     table = pd.DataFrame(rows)
     goals = []
-    for name, column, bound, unit in GOALS:
+    for name, column, bound, unit in PLAN["goals"]:
         among = table.iloc[: -1 if "status" in name else None]
         # one design that is not known misses the goal
         goals.append(Goal(name, float(among[column].max(skipna=False)), bound, len(among), unit))
     for flash, own in table.groupby("flash", sort=False):
         size, most = int(own.flash_bytes.max()), decoder_export.bytes_of(str(flash))
         goals.append(Goal(f"flash with --flash {flash}", size, most, len(own), "bytes"))
-    goals.append(Goal("faults under hostile readings", faults, 0, HOSTILE // fewer))
+    goals.append(Goal("faults under hostile readings", faults, 0, hostile))
     tools = ("gcc", "arm-none-eabi-gcc", "qemu-system-arm")
-    page: Row = {"rows": rows, "share": share, "singles": ROWS // fewer, "hostile": HOSTILE // fewer}
-    page |= {"presses": PRESSES, "step_um": 1e3 * STEP}
+    page: Row = {"rows": rows, "share": share, "singles": PLAN["rows"]["single"] // fewer, "hostile": hostile}
+    page |= {"presses": PLAN["presses"], "step_um": 1e3 * STEP}
     page["versions"] = [_run([tool, "--version"], HERE).splitlines()[0] for tool in tools]
     return pages.study("firmware", "Firmware", rows, page, goals=goals)

@@ -27,7 +27,7 @@ import pandas as pd
 
 from analytic import beam, buckling, hall
 from fem.accuracy import LEVELS, Accuracy
-from fem.scene import Model, press_limits
+from fem.scene import Model
 from geometry.arrays import Array
 from geometry.design import BadInput
 from geometry.loads import Load, Magnet, Response
@@ -45,7 +45,7 @@ from studies.output.result import Result, Table
 from studies.output.text_tables import cell as figure
 from studies.simulation.compare import part
 from studies.validation import bench, pages
-from studies.validation.error_study_cases import Trial, answers_of, designs, rounded
+from studies.validation.error_study_cases import Trial, answers_of, designs, loads_of
 from studies.validation.pages import Row
 from studies.validation.verify import richardson
 from studies.web import verdict_figures
@@ -145,16 +145,8 @@ def runs_on(kind: Kind, model: Model, level: str, count: int) -> list[int]:
 def trial(number: int, kind: Kind, model: Model, *, confirm: bool = False) -> Trial:
     design = designs("trade_random" if confirm else "trade")[number]
     magnet: Magnet = "rigid" if design.shape.has_magnet else "ignored"
-    own, under, D = PLAN[kind], CHOSEN["under"], design.D
-    first, most = press_limits(design, magnet)
-    if kind == "press":
-        depths = [share * first for share in own["presses"]] + [first + own["deep"] * (most - first)]
-        loads = [Load(depth=rounded(each)) for each in depths]
-    else:
-        depth, frictions = rounded(min(under[number % len(under)] * D, first)), own.get("coefficients", ["stick"])
-        friction: Any = frictions[number % len(frictions)]
-        loads = [Load(depth=depth, shear_x=rounded(x * D), friction=friction) for x in own["shears"]]
-    return Trial(number, design, magnet, own["scene"], model, tuple(loads))
+    loads = loads_of(design, magnet, CHOSEN | PLAN[kind], number)
+    return Trial(number, design, magnet, PLAN[kind]["scene"], model, tuple(loads))
 
 
 class Run(NamedTuple):
