@@ -42,7 +42,7 @@ def points(rows, **solved):
         values = dict.fromkeys(FIGURES, 1.0) | {f"{name}_half_width": 0.0 for name in COMPARED}
         values |= {"range_z": range_z, "resolution_z": resolution, "resolution_x": resolution / 2, "outer_size": size}
         values |= solved
-        made.append(FrontPoint(number, None, None, values, values, {}, [], "ok", ""))
+        made.append(FrontPoint(number, None, values, values, {}, [], "ok", ""))
     return made
 
 

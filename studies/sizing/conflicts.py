@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,11 +17,12 @@ import numpy as np
 
 from geometry.bad_input import BadInput
 from geometry.messages import Progress
+from studies.cases import FiniteElements
 from studies.mechanics import surrogate_range
 from studies.output.records import FlatRow
-from studies.sizing.candidate_variables import Candidates, Space
+from studies.sizing.candidate_variables import Space
 from studies.sizing.catalogues import Catalogues
-from studies.sizing.front_solves import FrontPoint
+from studies.sizing.front_solves import FrontPoint, solved_points
 from studies.sizing.requirements import AT_LEAST, AT_MOST, LIMITS, Requirements
 from studies.sizing.variant_search import Effort, Found, Rating, searched, sorted_parts
 
@@ -129,40 +129,31 @@ def impossible(needed: Requirements, catalogues: Catalogues) -> tuple[str, ...]:
     return tuple(texts)
 
 
-Solve = Callable[[Candidates, Requirements], list[FrontPoint]]
-
-
 def conflict_of(
     needed: Requirements,
     catalogues: Catalogues,
     effort: Effort,
     found: list[Found],
-    solve: Solve,
-    progress: Progress | None = None,
+    fem: FiniteElements,
+    progress: Progress,
 ) -> Conflict:
     """Return the nearest candidate, and what would have to give.
 
-    Parameters
-    ----------
     found : pools of a search in which no candidate meets all requirements.
-    solve : returns candidates by finite elements.
     """
     pool = min(found, key=lambda one: float(one.violation.min()))
     near = pool.candidates.take([int(pool.violation.argmin())])
-    tried = sum(one.rated for one in found)
-    report = progress or (lambda share, text: None)
-    report(0.0, "the nearest candidate by finite elements")
-    points = [] if isinstance(near.variant(0), str) else solve(near, needed)
-    nearest = points[0] if points else None
+    progress(0.0, "the nearest candidate by finite elements")
+    (nearest,) = [None] if isinstance(near.variant(0), str) else solved_points(near, needed, fem)
     advices: list[FlatRow] = []
     for number, name in enumerate(_could_give(needed, found)[:ADVICES]):
-        report(0.1 + 0.9 * number / ADVICES, f"how far would {name} have to give?")
-        advices += _advice(name, needed, catalogues, effort, solve)
+        progress(0.1 + 0.9 * number / ADVICES, f"how far would {name} have to give?")
+        advices += _advice(name, needed, catalogues, effort, fem)
     missed = nearest.margins if nearest else {}
     rows = [
         _bound(needed, name) for name, value in missed.items() if not value >= 0 and name in (*AT_LEAST, *AT_MOST)
     ]
-    return Conflict((), tried, nearest, tuple(rows), tuple(advices))
+    return Conflict((), sum(one.rated for one in found), nearest, tuple(rows), tuple(advices))
 
 
 def _bound(needed: Requirements, name: str) -> FlatRow:
@@ -188,7 +179,9 @@ def _could_give(needed: Requirements, found: list[Found]) -> list[str]:
     return list(dict.fromkeys([*sorted(missed, key=lambda name: missed[name]), "force_z"]))
 
 
-def _advice(name: str, needed: Requirements, catalogues: Catalogues, effort: Effort, solve: Solve) -> list[FlatRow]:
+def _advice(
+    name: str, needed: Requirements, catalogues: Catalogues, effort: Effort, fem: FiniteElements
+) -> list[FlatRow]:
     """Return how far a requirement would have to give, after a search with it; nothing if nothing is found."""
     row = _bound(needed, name)
     value = row["value"]
@@ -206,8 +199,8 @@ def _advice(name: str, needed: Requirements, catalogues: Catalogues, effort: Eff
         again = searched(loose, catalogues, effort, first_met=True)
         met = [pool for pool in again if (pool.violation == 0).any()]
         if met:
-            points = solve(met[0].candidates.take(met[0].front[:1]), loose)
-            if points and points[0].status == "ok":
+            (point,) = solved_points(met[0].candidates.take(met[0].front[:1]), loose, fem)
+            if point.status == "ok":
                 return [row | {"gives": abs(to - value), "gives_of_all": abs(to - value), "to": to}]
         gives = (1 + FURTHER * (gives - 1)) * (1 + SLACK)
     return []

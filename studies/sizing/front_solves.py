@@ -18,7 +18,7 @@ import functools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal, cast
 
 import numpy as np
 
@@ -29,6 +29,7 @@ from geometry.loads import Load
 from studies.cases import FiniteElements
 from studies.mechanics import surrogate_range
 from studies.mechanics.path_solver import frequency_unit
+from studies.mechanics.prediction import Quantity
 from studies.output.records import FlatRow
 from studies.sizing.beam_curves import SOLVED_DEPTHS
 from studies.sizing.candidate_performance import LEAST, NO_SHEAR, Performance, margins, performance
@@ -42,14 +43,6 @@ if TYPE_CHECKING:
 
 RATIO_DIGITS = 6
 """Digits of the ratio of densities: equal ratios share a stored solve."""
-
-
-@dataclass(frozen=True, slots=True)
-class Solved:
-    """Values of solved states, and half widths from their error estimates; 0 of what has none."""
-
-    value: Array
-    half_width: Array
 
 
 MOTIONS = ("force", "shift", "tilt", "strain")
@@ -75,12 +68,12 @@ class FemBeams:
         """Return some of the beams."""
         return FemBeams([self.designs[k] for k in rows], self.fem)
 
-    def press(self, depth: Array) -> dict[str, Solved]:
+    def press(self, depth: Array) -> dict[str, Quantity]:
         """Return the response to frictionless presses to depths (n, k), see `prediction.Beams.press`."""
         found = self._motions(depth, np.zeros_like(depth), "auto")
         return {name: found[key] for name, key in (("force", "force_z"), ("shift", "shift_z"), ("strain", "strain"))}
 
-    def shear(self, depth: Array, shear: Array) -> dict[str, Solved]:
+    def shear(self, depth: Array, shear: Array) -> dict[str, Quantity]:
         """Return the response to glued shears at depths and shears (n, k), see `prediction.Beams.shear`.
 
         All shears of a beam at one depth are one path. A load of which depth or shear is NaN, because a press has
@@ -88,9 +81,9 @@ class FemBeams:
         """
         return self._motions(depth, shear, "harmonic")
 
-    def _motions(self, depth: Array, shear: Array, model: Model) -> dict[str, Solved]:
+    def _motions(self, depth: Array, shear: Array, model: Model) -> dict[str, Quantity]:
         rows, columns = np.nonzero(~np.isnan(depth + shear))
-        found = {name: Solved(*np.full((2, *depth.shape), np.nan)) for name in READ}
+        found = {name: Quantity(*np.full((2, *depth.shape), np.nan)) for name in READ}
         if not len(rows):
             return found
         friction: Literal["none", "stick"] = "none" if model == "auto" else "stick"
@@ -119,13 +112,13 @@ class FemBeams:
         none = answers["message"].str.startswith(NO_CRITICAL_DEPTH).to_numpy(bool)
         return np.where(none, np.inf, depth), answers["critical_depth_error_estimate"].to_numpy(), stable
 
-    def critical_depth(self) -> Solved:
+    def critical_depth(self) -> Quantity:
         """Return the depths at which frictionless presses buckle sideways, over D, shape (n,).
 
         inf where the search found none up to its end; NaN where it stopped before, or failed.
         """
         depth, error, _ = self._stability
-        return Solved(depth, np.where(np.isinf(depth), 0.0, error * depth))
+        return Quantity(depth, np.where(np.isinf(depth), 0.0, error * depth))
 
     def stable_to(self, caution: float) -> Array:
         """Return the depths over D up to which presses are known to be stable, shape (n,); NaN where nothing is."""
@@ -133,7 +126,7 @@ class FemBeams:
         width = critical.half_width if caution else 0.0
         return np.where(np.isfinite(critical.value), critical.value - caution * width, stable)
 
-    def first_mode(self, density_ratio: Array) -> Solved:
+    def first_mode(self, density_ratio: Array) -> Quantity:
         """Return the lowest natural frequency of the unloaded beams over `frequency_unit`, shape (n,)."""
         heavy = [
             (replace(design, magnet_density=round(float(ratio), RATIO_DIGITS) * design.density), Load(depth=0.0))
@@ -141,23 +134,23 @@ class FemBeams:
         ]
         units = np.array([frequency_unit(design.D, design.E, design.density) for design in self.designs])
         lowest = self.fem.answers(heavy, ["modes"])["mode1_Hz"].to_numpy() / units
-        return Solved(lowest, np.zeros(len(lowest)))
+        return Quantity(lowest, np.zeros(len(lowest)))
 
 
 MOST_POINTS = 12
 """Points of a front that are solved: their finite elements take about two minutes on two cores."""
 COMPARED = {
-    "range_z": ("range_z_N", 1.0),
-    "range_x": ("range_x_N", 1.0),
-    "depth": ("depth_over_D", 1.0),
-    "resolution_z": ("resolution_z_mN", 1e3),
-    "resolution_x": ("resolution_x_mN", 1e3),
-    "strain": ("strain_percent", 100.0),
-    "critical": ("critical_depth_over_D", 1.0),
-    "first_mode": ("first_mode_Hz", 1.0),
-    "saturation": ("rail_distance_percent", 100.0),
+    "range_z": ("range_z", "N", 1.0),
+    "range_x": ("range_x", "N", 1.0),
+    "depth": ("depth", "over_D", 1.0),
+    "resolution_z": ("resolution_z", "mN", 1e3),
+    "resolution_x": ("resolution_x", "mN", 1e3),
+    "strain": ("strain", "percent", 100.0),
+    "critical": ("critical_depth", "over_D", 1.0),
+    "first_mode": ("first_mode", "Hz", 1.0),
+    "saturation": ("rail_distance", "percent", 100.0),
 }
-"""Quantities that both sources give: column in tables, and its unit in that of `Performance`."""
+"""Quantities that both sources give: stem and unit of their columns, and this unit in that of `Performance`."""
 ALIKE = {"outer_size": "outer_size_mm", "height": "height_mm", "wall": "wall_mm"}
 """Lengths, which do not depend on the source."""
 NAMED = {
@@ -185,7 +178,6 @@ class FrontPoint:
     """
 
     number: int
-    candidate: Candidates
     variant: Variant
     predicted: dict[str, float]
     solved: dict[str, float]
@@ -200,14 +192,12 @@ class FrontPoint:
         """Return the row of front.csv: each quantity by the surrogate and by FEM, and their difference."""
         row: FlatRow = {"rank": self.rank or None, "point": self.number, "status": self.status}
         row |= self.variant.row() | {column: self.solved[name] for name, column in ALIKE.items()}
-        for name, (column, unit) in COMPARED.items():
-            end = "over_D" if column.endswith("over_D") else column.rpartition("_")[2]
-            stem = column.removesuffix(f"_{end}")
-            predicted, solved = unit * self.predicted[name], unit * self.solved[name]
+        for name, (stem, unit, factor) in COMPARED.items():
+            predicted, solved = factor * self.predicted[name], factor * self.solved[name]
             known = np.isfinite(solved) and np.isfinite(predicted) and solved != 0
-            row |= {f"surrogate_{column}": predicted, f"fem_{column}": solved}
+            row |= {f"surrogate_{stem}_{unit}": predicted, f"fem_{stem}_{unit}": solved}
             row[f"{stem}_difference_percent"] = 100 * (predicted / solved - 1) if known else None
-            row[f"surrogate_{stem}_half_width_{end}"] = unit * self.predicted[f"{name}_half_width"]
+            row[f"surrogate_{stem}_half_width_{unit}"] = factor * self.predicted[f"{name}_half_width"]
         row |= {f"margin_{name}_percent": 100 * value for name, value in self.margins.items()}
         for each in self.worst:
             load = f"{each['force_z_N']:.4g} N with {each['force_x_N']:.4g} N at E = {each['E_MPa']:.4g} MPa"
@@ -224,9 +214,8 @@ def solved_front(
     ----------
     most : number of points that are solved; `spread` chooses them, after the one with the best score.
     """
-    possible = [k for k in range(len(candidates)) if not isinstance(candidates.variant(k), str)]
-    candidates = candidates.take(possible)
-    if not possible:
+    candidates = candidates.take([k for k in range(len(candidates)) if not isinstance(candidates.variant(k), str)])
+    if not len(candidates):
         return []
     sensors = sensors_of(candidates)
     cautious = performance(sensors, sensors.beams(), needed, dense=True)
@@ -243,9 +232,9 @@ def solved_front(
 
 
 def solved_points(candidates: Candidates, needed: Requirements, fem: FiniteElements) -> list[FrontPoint]:
-    """Solve candidates by finite elements, and return them without ranks."""
+    """Solve candidates whose designs are possible by finite elements, and return them without ranks."""
     sensors = sensors_of(candidates)
-    variants = [_variant(candidates, k) for k in range(len(candidates))]
+    variants = [cast("Variant", candidates.variant(k)) for k in range(len(candidates))]
     beams = sensors.beams()
     predicted, cautious = (performance(sensors, beams, needed, caution=ca, dense=True) for ca in (0.0, 1.0))
     ask = np.fmax(cautious.ask, predicted.ask)
@@ -257,51 +246,28 @@ def solved_points(candidates: Candidates, needed: Requirements, fem: FiniteEleme
     ask = np.where(np.isnan(ask), np.hstack([deepest, least, deepest, shears]), ask)
     solid = FemBeams([variant.design for variant in variants], fem)
     solved, worse = (performance(sensors, solid, needed, caution=ca, ask=ask, dense=True) for ca in (0.0, 1.0))
-    answers = (predicted, cautious, solved, worse)
-    return [_point(k, candidates.take([k]), variant, *answers) for k, variant in enumerate(variants)]
-
-
-def _variant(candidates: Candidates, k: int) -> Variant:
-    variant = candidates.variant(k)
-    assert isinstance(variant, Variant), variant
-    return variant
-
-
-def _point(
-    k: int,
-    candidate: Candidates,
-    variant: Variant,
-    predicted: Performance,
-    cautious: Performance,
-    solved: Performance,
-    worse: Performance,
-) -> FrontPoint:
-    values, said = solved.one(k), predicted.one(k)
-    by_surrogate, by_fem = (
-        {f"{name}_half_width": abs(end.one(k)[name] - middle[name]) for name in COMPARED}
-        for end, middle in ((cautious, said), (worse, values))
-    )
-    # how far a press is stable is in the margin, also where the search for the critical depth has stopped
-    lost = [name for name in COMPARED if np.isnan(values[name]) and name != "critical" and not np.isnan(said[name])]
-    return _judged(
-        FrontPoint(
-            number=k + 1,
-            candidate=candidate,
-            variant=variant,
-            predicted=said | by_surrogate,
-            solved=values | by_fem,
-            margins={name: float(value[k]) for name, value in solved.margins.items()},
-            worst=_worst(solved, k, variant),
-            status="",
-            reason=f"finite elements did not reach {', '.join(lost)}" if lost else "",
+    points = []
+    for k, variant in enumerate(variants):
+        said, values = predicted.one(k), solved.one(k)
+        # how far a press is stable is in the margin, also where the search for the critical depth has stopped
+        known = [name for name in COMPARED if name != "critical" and not np.isnan(said[name])]
+        lost = [name for name in known if np.isnan(values[name])]
+        for middle, end in ((said, cautious), (values, worse)):
+            middle |= {f"{name}_half_width": abs(float(end.values[name][k]) - middle[name]) for name in COMPARED}
+        signed = {name: float(value[k]) for name, value in solved.margins.items()}
+        reason = f"finite elements did not reach {', '.join(lost)}" if lost else ""
+        points.append(
+            _judged(FrontPoint(k + 1, variant, said, values, signed, _worst(solved, k, variant), "", reason))
         )
-    )
+    return points
 
 
 def _judged(point: FrontPoint) -> FrontPoint:
     missed = {name: value for name, value in point.margins.items() if not value >= 0}
-    by = {name: f"{-100 * value:.{'2g' if value > -0.99 else '0f'}} %" for name, value in missed.items()}
-    reasons = [f"{n} is not known" if v == LEAST else f"{n} is missed by {by[n]}" for n, v in missed.items()]
+    reasons = [
+        f"{n} is not known" if v == LEAST else f"{n} is missed by {-100 * v:.{'2g' if v > -0.99 else '0f'}} %"
+        for n, v in missed.items()
+    ]
     reason = "; ".join(filter(None, [point.reason, *reasons]))
     return replace(point, status="failed" if reason else "ok", reason=reason)
 
@@ -425,24 +391,25 @@ def ranked(points: Sequence[FrontPoint], needed: Requirements, fem: FiniteElemen
     return failed
 
 
-def largest_differences(points: Sequence[FrontPoint]) -> dict[str, dict[str, Any]]:
+def largest_differences(points: Sequence[FrontPoint]) -> list[FlatRow]:
     """Return for each quantity the median and the largest difference between surrogate and FEM, in percent of FEM.
 
     `of_one_source` counts the points to which only one of the two gives a number: where only finite elements find a
     critical depth, for instance, the surrogate says that the beam never gives way.
     """
-    table: dict[str, dict[str, Any]] = {}
-    for name, (column, _) in COMPARED.items():
+    table: list[FlatRow] = []
+    for name, (stem, unit, _) in COMPARED.items():
         pairs = np.array([(point.predicted[name], point.solved[name]) for point in points]).reshape(-1, 2)
         known = np.isfinite(pairs)
         alone = int((known[:, 0] != known[:, 1]).sum())
         pairs = pairs[known.all(axis=1) & (pairs[:, 1] != 0)]
         errors = 100 * np.abs(pairs[:, 0] / pairs[:, 1] - 1)
-        table[name] = {
-            "quantity": column,
+        row = {
+            "quantity": f"{stem}_{unit}",
             "points": len(errors),
             "of_one_source": alone,
             "median_percent": float(np.median(errors)) if len(errors) else None,
             "largest_percent": float(errors.max()) if len(errors) else None,
         }
+        table.append(row)
     return table

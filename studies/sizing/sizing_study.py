@@ -33,7 +33,6 @@ from studies.sizing.front_solves import (
     largest_differences,
     solve_line,
     solved_front,
-    solved_points,
 )
 from studies.sizing.front_yield import Yield
 from studies.sizing.requirements import Requirements
@@ -158,14 +157,8 @@ def run(requirements: Requirements, settings: Settings, progress: Progress) -> S
         fem = FiniteElements(settings.accuracy, options | {"progress": report})
         if not any((pool.violation == 0).any() for pool in found):
             quiet = FiniteElements(settings.accuracy, options)
-            conflict = conflicts.conflict_of(
-                requirements,
-                catalogues,
-                settings.effort,
-                found,
-                lambda chosen, needed: solved_points(chosen, needed, quiet),
-                part_of(progress, SEARCHED, 1.0),
-            )
+            rest = part_of(progress, SEARCHED, 1.0)
+            conflict = conflicts.conflict_of(requirements, catalogues, settings.effort, found, quiet, rest)
             return sizing(candidates, 0, [], None, conflict)
         variants, _ = whole_front(found)
         front = solved_front(variants, requirements, fem, most=settings.points)
@@ -209,7 +202,7 @@ def record(sizing: Sizing, origin: str, command: str) -> FlatRow:
         | {"candidates": sizing.candidates, "front": sizing.front_size},
         "winner": None if winner is None else winner_record(winner),
         "front": [point.row() for point in sizing.front],
-        "differences": list(largest_differences(sizing.front).values()),
+        "differences": largest_differences(sizing.front),
         **({"yield": []} if sizing.winner_yield is None else sizing.winner_yield.record()),
         "conflict": [] if sizing.conflict is None else sizing.conflict.rows(),
         "nearest": None if nearest is None else winner_record(nearest) | {"reason": nearest.reason},
@@ -281,7 +274,7 @@ def page(sizing: Sizing) -> str:
         ranked=rows,
         front_heads={name: name for name in FRONT},
         failed=[{"point": each.number, **each.variant.row(), "reason": each.reason} for each in failed],
-        differences=list(largest_differences(sizing.front).values()),
+        differences=largest_differences(sizing.front),
         worst=worst,
         costs=_costs(rows),
         alternatives=[point.row() for point in sizing.alternatives()],

@@ -16,8 +16,9 @@ import dataclasses
 import math
 import time
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +26,7 @@ from numpy.typing import NDArray
 from geometry.arrays import Array, Ints
 from geometry.design import BadInput
 from geometry.messages import Progress
+from studies.mechanics import surrogate_range
 from studies.mechanics.workers import clock_text
 from studies.sizing.candidate_performance import LEAST, Performance, missed, performance
 from studies.sizing.candidate_variables import ROUNDING, Candidates, Space, joined
@@ -53,10 +55,6 @@ LEAST_SHARE = 1e-3
 UNMET = 0.6
 """Share of the generations after which a search without a candidate that meets all requirements ends."""
 
-Rate = Callable[[Candidates, float], tuple[Array, Array]]
-"""Returns objectives (n, m), all to be made small, and violations (n,), 0 where all requirements are met; what lies
-above a limit may have any larger one."""
-
 
 @dataclass(frozen=True, slots=True)
 class Effort:
@@ -81,6 +79,18 @@ class Found:
         """Indices of the candidates that meet all requirements, and that no other dominates."""
         met = np.flatnonzero(self.violation == 0)
         return met[front_of(self.F[met])] if len(met) else met
+
+    def take(self, rows: Any) -> Found:
+        """Return some of the candidates."""
+        return Found(self.candidates.take(rows), self.F[rows], self.violation[rows], self.rated)
+
+    def with_rated(self, others: Candidates, rating: Rating, count: int) -> Found:
+        """Return the best `count` of these candidates and others, once these are rated."""
+        # one with a larger violation does not come into a full pool
+        full = len(self.violation) >= count
+        F, violation = rating(others, float(self.violation.max()) if full else np.inf)
+        F, violation = np.concatenate([self.F, F]), np.concatenate([self.violation, violation])
+        return _survivors(Found(joined([self.candidates, others]), F, violation, self.rated), count)
 
 
 def objectives(values: dict[str, Array], needed: Requirements) -> Array:
@@ -177,27 +187,23 @@ class Rating:
     def _short(self, candidates: Candidates) -> Array:
         """Return by how much lengths miss their bounds, relative to these, but for the free one."""
         size, height, wall = candidates.sizes()
-        needed, missed = self.needed, np.zeros(len(candidates))
-        for name, value, bound in (
-            ("outer_size", size, needed.outer_size),
-            ("height", height, needed.height),
-            ("wall", needed.printed_wall / wall, 1.0),
-        ):
-            if bound is not None and name != self.free:
-                missed = np.maximum(missed, value / bound - 1)
-        return missed
+        needed, nothing = self.needed, np.zeros(len(candidates))
+        shares = {"wall": needed.printed_wall / wall}
+        shares |= {} if needed.outer_size is None else {"outer_size": size / needed.outer_size}
+        shares |= {} if needed.height is None else {"height": height / needed.height}
+        excess = [share - 1 for name, share in shares.items() if name != self.free]
+        return np.asarray(np.max([nothing, *excess], axis=0))
 
 
 def search(
-    space: Space, rate: Rate, effort: Effort, progress: Progress | None = None, *, first_met: bool = False
+    space: Space, rating: Rating, effort: Effort, progress: Progress | None = None, *, first_met: bool = False
 ) -> Found:
     """Return the pool at the end of a search, or where the first candidate meets all requirements."""
     random, started = np.random.default_rng(effort.seed), time.monotonic()
     seen: set[bytes] = set()
-    first = first_candidates(
-        space, max(4 * effort.population, math.prod(b - a for a, b in space.choices)), effort.seed
-    )
-    pool = _survivors(_rated(_new(first, seen), rate, np.inf), effort.population)
+    count = max(4 * effort.population, math.prod(b - a for a, b in space.choices))
+    first = _new(first_candidates(space, count, effort.seed), seen)
+    pool = _survivors(Found(first, *rating(first), len(first)), effort.population)
     for number in range(effort.generations):
         met = int((pool.violation == 0).sum())
         if (first_met and met) or (not met and number >= UNMET * effort.generations):
@@ -208,12 +214,12 @@ def search(
             said = f"{len(seen)} candidates, {met} of the best meet all requirements{time_left}"
             progress(number / effort.generations, said)
         children = _new(_varied(pool, effort.population, random), seen)
-        pool = _survivors(_together(pool, _rated(children, rate, _limit(pool, effort))), effort.population)
+        pool = pool.with_rated(children, rating, effort.population)
     for _ in range(ROUNDS):
         near = _new(_neighbours(pool), seen)
         if not len(near):
             break
-        pool = _survivors(_together(pool, _rated(near, rate, _limit(pool, effort))), effort.population)
+        pool = pool.with_rated(near, rating, effort.population)
     return dataclasses.replace(pool, rated=len(seen))
 
 
@@ -247,20 +253,6 @@ def _new(candidates: Candidates, seen: set[bytes]) -> Candidates:
     return candidates.take(np.array(sorted(kept.values()), dtype=np.int64))
 
 
-def _rated(candidates: Candidates, rate: Rate, limit: float) -> Found:
-    return Found(candidates, *rate(candidates, limit), len(candidates))
-
-
-def _limit(pool: Found, effort: Effort) -> float:
-    """Return the violation above which a candidate does not come into the pool."""
-    return float(pool.violation.max()) if len(pool.violation) >= effort.population else np.inf
-
-
-def _together(one: Found, other: Found) -> Found:
-    F, violation = (np.concatenate([getattr(each, name) for each in (one, other)]) for name in ("F", "violation"))
-    return Found(joined([one.candidates, other.candidates]), F, violation, one.rated + other.rated)
-
-
 def _survivors(pool: Found, count: int) -> Found:
     """Return the front, and the nearest of the others until the pool has `count` candidates."""
     front = pool.front
@@ -275,8 +267,7 @@ def _survivors(pool: Found, count: int) -> Found:
         alike[combination[k]] += 1
         if alike[combination[k]] <= ALIKE:
             filled.append(k)
-    at = np.array([*front.tolist(), *filled], dtype=np.int64)
-    return Found(pool.candidates.take(at), pool.F[at], pool.violation[at], pool.rated)
+    return pool.take(np.array([*front.tolist(), *filled], dtype=np.int64))
 
 
 def _varied(found: Found, count: int, random: np.random.Generator) -> Candidates:
@@ -309,8 +300,6 @@ def _varied(found: Found, count: int, random: np.random.Generator) -> Candidates
 
 def _within(space: Space, choices: Ints, lengths: Array) -> Array:
     """Return lengths in the ranges of the surrogate and of the requirements."""
-    from studies.mechanics import surrogate_range
-
     low, high = (ends[choices[:, 0]] for ends in space.diameters())
     lengths[:, 0] = np.clip(lengths[:, 0], np.minimum(low, high), high)
     least = np.maximum(surrogate_range.LENGTH[0], 0.5 + surrogate_range.LEAST_BELOW)
@@ -427,7 +416,7 @@ def part_of(progress: Progress, low: float, high: float, prefix: str = "") -> Pr
 
 def whole_front(found: Sequence[Found]) -> tuple[Candidates, Array]:
     """Return the common front of all pools, and its objectives."""
-    chosen = joined([pool.candidates.take(pool.front) for pool in found])
-    F = np.concatenate([pool.F[pool.front] for pool in found])
+    fronts = [pool.take(pool.front) for pool in found]
+    chosen, F = joined([each.candidates for each in fronts]), np.concatenate([each.F for each in fronts])
     kept = front_of(F)
     return chosen.take(kept), F[kept]
