@@ -83,7 +83,7 @@ def section(design: Design, solution: Solution, magnet: Magnet) -> dict[str, Any
         "spans": {name: _span(name, values) for name, values in fields.items()},
         "frame": _frame(design, load, places),
         "magnet": np.round(outline, DIGITS).tolist(),
-        "plate": {"z": height, "tilt": math.degrees(load.plate_tilt), "x": along},
+        "plate": {"z": height, "tilt": math.degrees(load.plate_tilt), "x": along, "depth": load.depth},
         "direction": [c, s],
         "elements": places,
     }

@@ -5,6 +5,16 @@ const SectionView = (() => {
   const FINE = 0.01;
   const STEP = 0.05;
   const WIDE = 0.5;
+  // steps of depth and shear
+  const KEYS = {
+    ArrowDown: [1, 0],
+    ArrowUp: [-1, 0],
+    ArrowRight: [0, 1],
+    ArrowLeft: [0, -1],
+    PageDown: [10, 0],
+    PageUp: [-10, 0],
+  };
+  const tidy = (v) => Number(v.toPrecision(9));
 
   // `move(depth, shear, done)` sets the load; `load()` returns the present one.
   function start(figure, { load, move, value }) {
@@ -28,54 +38,34 @@ const SectionView = (() => {
     });
     handle.addEventListener("pointermove", (event) => {
       if (!held || !at) return;
-      const perPixel = at.ratio / at.scale;
+      const moved = (pixels) => (pixels * at.ratio) / at.scale;
       const step = (v) => Math.round(v / FINE) * FINE;
-      move(
-        Math.max(0, step(held.depth + (event.clientY - held.y) * perPixel)),
-        step(held.shear + way * (event.clientX - held.x) * perPixel),
-        false,
-      );
+      const depth = step(held.depth + moved(event.clientY - held.y));
+      move(Math.max(0, depth), step(held.shear + way * moved(event.clientX - held.x)), false);
     });
-    const release = () => {
-      if (!held) return;
+    handle.addEventListener("lostpointercapture", () => {
       held = null;
       handle.classList.remove("held");
       const { depth, shear } = load();
       move(depth, shear, true);
-    };
-    handle.addEventListener("pointerup", release);
-    handle.addEventListener("pointercancel", release);
-    handle.addEventListener("lostpointercapture", release);
+    });
     handle.addEventListener("keydown", (event) => {
-      const key = {
-        ArrowDown: [1, 0],
-        ArrowUp: [-1, 0],
-        ArrowRight: [0, 1],
-        ArrowLeft: [0, -1],
-        PageDown: [10, 0],
-        PageUp: [-10, 0],
-      }[event.key];
       const { depth, shear } = load();
       const by = event.shiftKey ? WIDE : STEP;
-      const tidy = (v) => Number(v.toPrecision(9));
-      if (event.key === "Home") {
-        event.preventDefault();
-        return move(0, 0, true);
-      }
-      if (!key || event.ctrlKey || event.metaKey || event.altKey) return;
+      const [down, aside] = KEYS[event.key] || [0, 0];
+      if (event.key === "Home") move(0, 0, true);
+      else if (!KEYS[event.key] || event.ctrlKey || event.metaKey || event.altKey) return;
+      else move(Math.max(0, tidy(depth + down * by)), tidy(shear + way * aside * by), true);
       event.preventDefault();
-      move(Math.max(0, tidy(depth + key[0] * by)), tidy(shear + way * key[1] * by), true);
     });
 
     // Where the present load puts the plate. The section lies along the line of the shear, which runs towards +x: a
     // shear that points the other way moves the plate to the left.
-    function wanted(present, [c, s]) {
+    function wanted({ x, z, depth: reached }, [c, s]) {
       const { depth, shear, direction, friction, plate_tilt: tilt } = load();
       const angle = (direction * Math.PI) / 180;
-      const along = Math.cos(angle) * c + Math.sin(angle) * s;
-      const rise = (value("D") / 2) * (1 / Math.cos((tilt * Math.PI) / 180) - 1);
-      way = along < -0.5 ? -1 : 1;
-      return { z: value("L") - depth + rise, x: friction === "none" ? present.x : way * shear, tilt };
+      way = Math.cos(angle) * c + Math.sin(angle) * s < -0.5 ? -1 : 1;
+      return { z: z + reached - depth, x: friction === "none" ? x : way * shear, tilt };
     }
 
     // Puts an element over a plate, some pixels above its lower face.
@@ -83,30 +73,25 @@ const SectionView = (() => {
       node.hidden = !at || !plate;
       if (node.hidden) return;
       const half = (0.62 * value("D") * at.scale) / at.ratio;
-      const x = at.x(plate.x || 0) / at.ratio - half;
+      const x = at.x(plate.x) / at.ratio - half;
       const y = at.z(plate.z) / at.ratio - above;
       node.style.width = `${2 * half}px`;
-      node.style.transform = `translate(${x}px, ${y}px) rotate(${plate.tilt || 0}deg)`;
+      node.style.transform = `translate(${x}px, ${y}px) rotate(${plate.tilt}deg)`;
     }
 
-    // The handle lies over the drawn plate and a little below it.
-    function place(plate) {
-      over(handle, plate, 26);
-      const { depth, shear } = load();
-      const text = `depth ${Format.plain(depth)} mm, shear ${Format.plain(shear)} mm`;
-      handle.setAttribute("aria-valuetext", text);
-      handle.setAttribute("aria-valuemax", Format.plain(Math.max(value("L"), depth)));
-      handle.setAttribute("aria-valuenow", Format.plain(depth));
-    }
-
-    // A dashed line where the plate is to go, above the picture, which a move of the hand then leaves as it is.
+    // A dashed line where the plate is to go, above the picture, which a move of the hand then leaves as it is; the
+    // handle lies over the drawn plate and a little below it.
     function wish() {
-      const { plate: present, direction = [1, 0] } = shown || {};
-      const target = present && wanted(present, direction);
+      const present = shown?.plate;
+      const target = present && wanted(present, shown.direction);
       const far =
         present && (Math.hypot(target.z - present.z, target.x - present.x) > 0.004 || target.tilt !== present.tilt);
       over(mark, far && target, 0);
-      place(present && (held ? target : present));
+      over(handle, held ? target : present, 26);
+      const [depth, shear] = [load().depth, load().shear].map(Format.plain);
+      handle.setAttribute("aria-valuetext", `depth ${depth} mm, shear ${shear} mm`);
+      handle.setAttribute("aria-valuemax", Format.plain(Math.max(value("L"), load().depth)));
+      handle.setAttribute("aria-valuenow", depth);
     }
 
     return {
@@ -121,11 +106,9 @@ const SectionView = (() => {
         if (shown) at = SectionDrawing.draw(canvas, { ...drawing, D: value("D") });
         wish();
       },
-      say({ chip, time, text }) {
-        Format.put(caption("chip"), chip);
+      say({ chip, ...texts }) {
         caption("chip").dataset.level = chip;
-        Format.put(caption("time"), time);
-        Format.put(caption("text"), text);
+        for (const [name, text] of Object.entries({ chip, ...texts })) Format.put(caption(name), text);
       },
     };
   }
