@@ -42,13 +42,19 @@ def noted(folder):
 
 @pytest.mark.parametrize("workers", [0, 1])
 def test_one_worker_finishes_the_tasks_in_their_order(workers):
-    results = list(finished(iter(range(20)), worker_tasks.echo, workers=workers))
+    results = list(finished(range(20), worker_tasks.echo, workers=workers))
     assert [(each.task, each.answer, each.reason) for each in results] == [(k, k, "") for k in range(20)]
 
 
 def test_no_more_tasks_are_begun_than_there_are_workers():
     taken = []
-    results = finished((taken.append(k) or k for k in range(10**6)), worker_tasks.echo, workers=2)
+
+    class Watched(list):
+        def __iter__(self):
+            taken.clear()
+            return (taken.append(k) or k for k in super().__iter__())
+
+    results = finished(Watched(range(100)), worker_tasks.echo, workers=2)
     next(results)
     assert len(taken) == 2
     next(results)
@@ -152,7 +158,7 @@ def estimates(costs, seconds, workers):
     Returns the share of the work that is done, the estimate and the true time left after each task.
     """
     now = 0.0
-    unfinished = Unfinished(list(costs), float)
+    unfinished = Unfinished(costs)
     running, waiting, states = [], list(enumerate(seconds)), []
     while running or waiting:
         while waiting and len(running) < workers:

@@ -11,7 +11,7 @@ import contextlib
 import math
 import queue
 import time
-from collections.abc import Callable, Generator, Iterable, Sequence
+from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
@@ -49,7 +49,7 @@ class Finished(Generic[T, R]):
 
 
 def finished(
-    tasks: Iterable[T],
+    tasks: Sequence[T],
     function: Callable[[T], R],
     *,
     workers: int,
@@ -59,9 +59,8 @@ def finished(
 ) -> Generator[Finished[T, R], None, None]:
     """Call a function of each task and yield each task as soon as it is finished, in any order.
 
-    The tasks are started in the order given, and taken from the iterable in this thread. As many tasks as there are
-    workers are begun and not yet yielded, so that no more are lost if this process is killed. Closing the generator
-    ends all workers at once, also during tasks.
+    The tasks are started in the order given. As many as there are workers are begun and not yet yielded, so that no
+    more are lost if this process is killed. Closing the generator ends all workers at once, also during tasks.
 
     Parameters
     ----------
@@ -69,14 +68,13 @@ def finished(
     workers : number of processes; 0 calls the function in this process. Without effect on a cluster.
     scheduler : address of a Dask scheduler, such as tcp://10.0.0.1:8786.
     cost : expected time of a task, in any unit; default: all tasks take equally long.
-    progress : receives the finished share of the costs and the time left, if `tasks` is a sequence.
+    progress : receives the finished share of the costs and the time left.
 
     `SchedulerLost` says that the scheduler, or all of its workers, were lost during the run. Whatever the function
     raises ends the run, with the traceback of the worker as a note.
     """
-    report = Unfinished(tasks, cost, progress)
-    if isinstance(tasks, Sequence) and tasks:
-        workers = min(workers, len(tasks))  # each has more threads for linear algebra
+    report = Unfinished([cost(task) if cost else 1.0 for task in tasks], progress)
+    workers = min(workers, len(tasks))  # each has more threads for linear algebra
     opened: contextlib.AbstractContextManager[Executor]
     if scheduler is not None:
         from studies.mechanics.cluster import connected
@@ -88,12 +86,12 @@ def finished(
         try:
             yield from _finished(tasks, function, executor, report)
         except SchedulerLost as error:
-            count = f"{len(report.waiting)} tasks are" if report.known else "some tasks are"
-            raise SchedulerLost(f"{error}: {count} unfinished; the same command continues") from None
+            count = len(report.waiting)
+            raise SchedulerLost(f"{error}: {count} tasks are unfinished; the same command continues") from None
 
 
 def _finished(
-    tasks: Iterable[T], function: Callable[[T], R], executor: Executor, report: Unfinished
+    tasks: Sequence[T], function: Callable[[T], R], executor: Executor, report: Unfinished
 ) -> Generator[Finished[T, R], None, None]:
     waiting = iter(enumerate(tasks))
     started: dict[Future[Answer], tuple[int, T]] = {}
@@ -135,18 +133,15 @@ def _result(task: T, future: Future[Answer]) -> tuple[Finished[T, Any], float]:
 
 
 class Unfinished:
-    """Tasks that wait or run, the time that they are likely to take, and reports of the progress.
+    """Tasks that wait or run, by their costs, the time that they are likely to take, and reports of the progress.
 
-    The time is that of their costs times the mean time per cost; of tasks that are no sequence it is unknown.
+    The time is that of their costs times the mean time per cost.
     """
 
-    def __init__(
-        self, tasks: Iterable[T], cost: Callable[[T], float] | None = None, progress: Progress | None = None
-    ) -> None:
-        self.progress, self.next, self.finished, self.shown = progress, 0.0, 0, -1
-        self.known = isinstance(tasks, Sequence)
-        self.waiting = {k: cost(task) if cost else 1.0 for k, task in enumerate(tasks if self.known else ())}
-        self.total = math.fsum(self.waiting.values())
+    def __init__(self, costs: Sequence[float], progress: Progress | None = None) -> None:
+        self.progress, self.next, self.shown = progress, 0.0, -1
+        self.waiting = dict(enumerate(costs))
+        self.count, self.total = len(costs), math.fsum(costs)
         self._seconds = self._measured = 0.0
 
     @property
@@ -156,8 +151,7 @@ class Unfinished:
 
     def finish(self, number: int, seconds: float) -> None:
         """Note that a task is finished, and how long it took; NaN if it has no answer."""
-        self.finished += 1
-        cost = self.waiting.pop(number, 0.0)
+        cost = self.waiting.pop(number)
         if not math.isnan(seconds):
             self._seconds += seconds
             self._measured += cost
@@ -172,16 +166,13 @@ class Unfinished:
     def show(self, workers: int) -> None:
         """Report the progress if a task was finished since the last report, and that is not very recent."""
         now, left = time.perf_counter(), len(self.waiting)
-        ended = self.known and not left
-        if self.progress is None or self.finished == self.shown or (now < self.next and not ended):
+        finished = self.count - left
+        if self.progress is None or finished == self.shown or (now < self.next and left):
             return
-        self.next, self.shown = now + REPORTS, self.finished
-        if not self.known:
-            self.progress(0.0, f"{self.finished} solves")
-            return
+        self.next, self.shown = now + REPORTS, finished
         seconds = self.seconds_left(max(workers, 1))
         text = "" if math.isnan(seconds) or not left else f", {clock_text(seconds)} left"
-        self.progress(self.share, f"{self.finished} of {self.finished + left} solves{text}")
+        self.progress(self.share, f"{finished} of {self.count} solves{text}")
 
 
 def clock_text(seconds: float) -> str:
