@@ -55,7 +55,7 @@ def solve(
                 rows,
                 as_json=call.as_json,
                 title=title,
-                keys=load_cases.target_columns(targets) if targets else load_cases.columns(loads),
+                keys=load_cases.columns(loads, targets),
                 count=len(loads),
                 brief=(*load_cases.UNSHOWN, *load_cases.unshown(targets)),
                 first=load_cases.FIRST,

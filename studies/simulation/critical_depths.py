@@ -25,8 +25,8 @@ from studies.output.result import Interrupted, Result, Table, failure_of
 if TYPE_CHECKING:
     import pandas as pd
 
+    from fem.accuracy import Accuracy
     from fem.analyses.small_shear import SmallShear
-    from fem.analyses.stability import Critical
 
 FORMULAS = {"euler": buckling.euler, "engesser": buckling.engesser, "haringx": buckling.haringx}
 """Buckling loads of a column with a free tip."""
@@ -60,25 +60,21 @@ NEAR = 0.1
 def at_design(design: Design, magnet: Magnet, accuracy: str, depth: float | None, progress: Progress) -> Result:
     """Find the critical depths of a free and of a guided tip; at a depth, mm, also solve a small shear."""
     from fem.accuracy import LEVELS
-    from fem.analyses import small_shear, stability
+    from fem.analyses import small_shear
 
     # a depth out of range is refused here, before the searches, which take seconds
     if depth is not None:
         small_shear.check_depth(design, depth, magnet)
-    level = LEVELS[accuracy]
-    progress(0.0, "free tip")
-    free = stability.critical(design, magnet, accuracy=level)
-    progress(0.4, "guided tip")
-    guided = stability.critical(design, magnet, guided=True, accuracy=level)
-    haringx = buckling.haringx(design)
+    level, haringx = LEVELS[accuracy], buckling.haringx(design)
+    verdict, free, guided = _searches(design, magnet, level, progress)
     texts: FlatRow = {}
     record: FlatRow = {
-        **_verdict(free, guided),
-        **_critical(free),
+        **verdict,
+        **free,
         "euler_N": buckling.euler(design),
         "haringx_N": haringx,
         "haringx_depth_mm": buckling.depth(design, haringx),
-        **_critical(guided, "guided_"),
+        **guided,
         "guided_euler_N": buckling.euler(design, buckling.GUIDED),
     }
     if depth is not None:
@@ -103,15 +99,23 @@ def _joined(*sentences: str) -> str:
     return "; ".join(sentence for sentence in sentences if sentence)
 
 
-def _verdict(free: Critical, guided: Critical) -> FlatRow:
+def _searches(
+    design: Design, magnet: Magnet, level: Accuracy, progress: Progress | None = None
+) -> tuple[FlatRow, FlatRow, FlatRow]:
+    """Return status and message of both searches, and the columns of a free and of a guided tip."""
+    from fem.analyses import stability
+
+    found, columns = [], []
+    for share, guided in ((0.0, False), (0.4, True)):
+        if progress is not None:
+            progress(share, f"{'guided' if guided else 'free'} tip")
+        one = stability.critical(design, magnet, guided=guided, accuracy=level)
+        values = (one.depth, one.force, one.stable_to, one.estimates.depth, one.estimates.force)
+        columns.append({f"{'guided_' * guided}{name}": value for name, value in zip(CRITICAL, values, strict=True)})
+        found.append(one)
     # both searches may end for the same reason, which is then named once
-    message = _joined(*dict.fromkeys((free.message, guided.message)))
-    return {"status": "unknown" if message else "ok", "message": message}
-
-
-def _critical(found: Critical, prefix: str = "") -> FlatRow:
-    values = (found.depth, found.force, found.stable_to, found.estimates.depth, found.estimates.force)
-    return {f"{prefix}{name}": value for name, value in zip(CRITICAL, values, strict=True)}
+    message = _joined(*dict.fromkeys(one.message for one in found))
+    return {"status": "unknown" if message else "ok", "message": message}, columns[0], columns[1]
 
 
 def _small_shear(depth: float, shear: SmallShear | None) -> FlatRow:
@@ -181,22 +185,18 @@ def over_slenderness(
 
 def _row(design: Design, magnet: Magnet, accuracy: str, ratio: float) -> FlatRow:
     from fem.accuracy import LEVELS
-    from fem.analyses import stability
 
     length = ratio * design.D
     row: FlatRow = {"L_over_D": ratio, "L_mm": length, "magnet": magnet, "status": "refused"}
     row |= {**dict.fromkeys(COLUMNS), "message": ""}
     try:
         beam = replace(design, L=length, l0=length)
-        free, guided = (
-            stability.critical(beam, magnet, guided=guided, accuracy=LEVELS[accuracy]) for guided in (False, True)
-        )
+        verdict, free, guided = _searches(beam, magnet, LEVELS[accuracy])
         loads = {name: load(beam) for name, load in FORMULAS.items()}
         depths = {f"{name}_depth_mm": buckling.depth(beam, load) for name, load in loads.items()}
     except BadInput as error:
         return row | {"message": str(error)}
-    row |= _verdict(free, guided) | _critical(free) | _critical(guided, "guided_")
-    return row | {f"{name}_N": load for name, load in loads.items()} | depths
+    return row | verdict | free | guided | {f"{name}_N": load for name, load in loads.items()} | depths
 
 
 def page(rows: Sequence[FlatRow]) -> str:

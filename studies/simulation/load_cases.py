@@ -183,12 +183,13 @@ def approximate_loads(targets: Sequence[ForceTarget]) -> list[Load]:
 # Solves
 
 
-def columns(loads: list[Load]) -> list[str]:
-    """Return the columns for a table of several states: the loads that vary, and the response."""
+def columns(loads: Sequence[Load], targets: Sequence[ForceTarget] = ()) -> list[str]:
+    """Return the columns for a table of several states: the loads that vary, or their targets, and the response."""
     aside = any(load.shear_y for load in loads)
     along, plate = any(load.shear_x for load in loads), loads[0].grip is None
     return [
         "status",
+        *["target_force_N"] * bool(targets),
         *["depth_mm"] * plate,
         *["shear_mm"] * along,
         *["shear_y_mm"] * aside,
@@ -320,12 +321,6 @@ def with_targets(rows: Generator[FlatRow], targets: Sequence[ForceTarget]) -> Ge
                 "target_force_N": target.force,
                 "target_shear_force_N": None if shear is None else list(shear),
             }
-
-
-def target_columns(targets: Sequence[ForceTarget]) -> list[str]:
-    """Return the columns for a table of several states."""
-    shown = columns(approximate_loads(targets))
-    return [*shown[:1], "target_force_N", *shown[1:]]
 
 
 def unshown(targets: Sequence[ForceTarget]) -> tuple[str, ...]:

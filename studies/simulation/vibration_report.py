@@ -253,47 +253,37 @@ def report_motion(sensor: VibratingSensor, at: At, curves: Curves, load: Load, c
 
 
 def _gains(at: At, curves: Curves, low: float, high: float, *, damped: bool) -> FlatRow:
-    motion, free, every = curves.motion, curves.force is None, range(len(curves.names))
+    motion, free, unit = curves.motion, curves.force is None, curves.units[0]
 
-    def size(per: str, k: int) -> Gain:
-        return lambda f: np.abs(getattr(at(f)[motion], per)[:, k])
+    def by_element(value: Callable[[int], float | None], *, known: bool = True) -> list[float | None]:
+        return [value(k) if known and k in curves.readers else None for k in range(len(curves.names))]
 
-    def of_readers(value: Callable[[Gain, float, float], float | None], per: str) -> list[float | None]:
+    def of_gain(value: Callable[[Gain], float | None], per: str) -> list[float | None]:
         # about the free sensor there is no force, and no bandwidth either
-        return [value(size(per, k), low, high) if k in curves.readers and not free else None for k in every]
+        return by_element(lambda k: value(lambda f: np.abs(getattr(at(f)[motion], per)[:, k])), known=not free)
 
+    per_mm, per_N = curves.per_mm[0], None if curves.per_N is None else curves.per_N[0]
     by_mm = peaks(lambda f: np.abs(at(f)[motion].along), low, high)
     by_N = [] if free else peaks(lambda f: np.abs(_compliance(at, motion, f)), low, high)
-    at_band = _at_band(at, curves) if low <= BAND <= high and not free else {}
+    slow = fast = np.zeros(len(curves.names), dtype=complex)
+    if in_band := low <= BAND <= high and not free:
+        slow, fast = at(np.array([low, BAND]))[motion].per_N  # type: ignore[misc]
+    # the reading may be opposite to the force; only its change counts
+    phase = np.degrees(np.angle(np.where(slow.real > 0, 1.0, -1.0) * fast))
     return {
         "resonance_per_mm_Hz": [peak.frequency for peak in by_mm],
         "resonance_per_mm_Q": [peak.Q if damped else None for peak in by_mm],
         "resonance_per_N_Hz": [peak.frequency for peak in by_N],
         "resonance_per_N_Q": [peak.Q if damped else None for peak in by_N],
         "element": list(curves.names),
-        f"reading_{curves.units[0]}_per_mm": _slow(curves.per_mm, curves.readers),
-        f"reading_{curves.units[0]}_per_N": _slow(curves.per_N, curves.readers),
-        "bandwidth_per_mm_Hz": of_readers(bandwidth, "per_mm"),
-        "bandwidth_per_N_Hz": of_readers(bandwidth, "per_N"),
-        "accurate_per_N_Hz": of_readers(lambda each, a, b: flat_to(each, ACCURATE, a, b), "per_N"),
-        "relative_reading_at_600": [at_band.get(k, (None, None))[0] for k in every],
-        "phase_at_600_deg": [at_band.get(k, (None, None))[1] for k in every],
+        f"reading_{unit}_per_mm": by_element(lambda k: float(abs(per_mm[k]))),
+        f"reading_{unit}_per_N": [] if per_N is None else by_element(lambda k: float(abs(per_N[k]))),
+        "bandwidth_per_mm_Hz": of_gain(lambda gain: bandwidth(gain, low, high), "per_mm"),
+        "bandwidth_per_N_Hz": of_gain(lambda gain: bandwidth(gain, low, high), "per_N"),
+        "accurate_per_N_Hz": of_gain(lambda gain: flat_to(gain, ACCURATE, low, high), "per_N"),
+        "relative_reading_at_600": by_element(lambda k: float(abs(fast[k] / slow[k])), known=in_band),
+        "phase_at_600_deg": by_element(lambda k: float(phase[k]), known=in_band),
     }
-
-
-def _at_band(at: At, curves: Curves) -> dict[int, tuple[float, float]]:
-    """Return reading per N at BAND over that at the lowest frequency, and phase to the force, degrees, by element."""
-    values = at(np.array([curves.frequency[0], BAND]))[curves.motion].per_N
-    assert values is not None
-    # the reading may be opposite to the force; only its change counts
-    phase = np.degrees(np.angle(np.where(values[0].real > 0, 1.0, -1.0) * values[1]))
-    return {k: (float(abs(values[1, k] / values[0, k])), float(phase[k])) for k in curves.readers}
-
-
-def _slow(values: Complex | None, readers: list[int]) -> list[float | None]:
-    if values is None:
-        return []
-    return [float(abs(values[0, k])) if k in readers else None for k in range(values.shape[1])]
 
 
 def _median_and_largest(name: str, values: Array | None) -> FlatRow:
