@@ -145,12 +145,7 @@ def test_rigid_magnet_equals_a_very_stiff_one():
     assert shifts[0] == pytest.approx(shifts[1], rel=2e-3)
 
 
-LAWS = {
-    "neo-hookean": (),
-    "mooney-rivlin": (0.3,),
-    "yeoh": (0.1, 0.02),
-    "ogden": (1.3, -2.0, 0.3),
-}
+LAWS = {"neo-hookean": (), "mooney-rivlin": (0.3,), "yeoh": (0.1, 0.02), "ogden": (1.3, -2.0, 0.3)}
 
 
 def whole(upper):

@@ -10,11 +10,7 @@ from numpy.polynomial.polynomial import polyder, polyval2d
 from numpy.testing import assert_allclose
 
 from analytic import beam, decode, hall, stream
-from analytic.inverse import (
-    forward_model,
-    pose_search,
-    response_surface,
-)
+from analytic.inverse import forward_model, pose_search, response_surface
 from analytic.inverse.forward_model import slopes_at
 from analytic.parts import Element
 from geometry.design import BadInput, Design, paper

@@ -32,10 +32,7 @@ FENCE = re.compile(r"^( *)```(\w+)\n(.*?)^\1```$", flags=re.M | re.S)
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
 INLINE = re.compile(r"`((?:magtip|python -m) [^`]+)`")
 
-INSTEAD = {
-    "make demo": "make -n demo",
-    "make test": "make -n test",
-}
+INSTEAD = {"make demo": "make -n demo", "make test": "make -n test"}
 """What is run for a command that takes minutes: `make -n` prints the commands without running them. The job of the
 demo runs on few states in test_demo.py, and `make test` is what runs this file."""
 

@@ -13,13 +13,7 @@ from fem.equilibrium import solve
 from fem.model import single_order
 from fem.model.symmetry_models import MeshSpecification
 from fem.physics_version import PHYSICS
-from fem.results.error_estimates import (
-    VibrationQuantity,
-    error_rules,
-    estimate_response,
-    load_case,
-    table_rows,
-)
+from fem.results.error_estimates import VibrationQuantity, error_rules, estimate_response, load_case, table_rows
 from fem.scene import Scene
 from fem.solve.path_state import about, glue, with_harmonics
 from fem.solve.press import solve_press

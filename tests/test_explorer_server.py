@@ -174,15 +174,7 @@ OUTSIDE = explorer_server.PAGE.parent.parent / "README.md"
 
 @pytest.mark.parametrize(
     "name",
-    [
-        "../../README.md",
-        "%2e%2e/%2e%2e/README.md",
-        str(OUTSIDE),
-        "none.js",
-        "%00",
-        "a" * 5000 + ".js",
-        "",
-    ],
+    ["../../README.md", "%2e%2e/%2e%2e/README.md", str(OUTSIDE), "none.js", "%00", "a" * 5000 + ".js", ""],
     ids=["dots", "escaped dots", "absolute", "no file", "zero byte", "long", "folder"],
 )
 def test_other_files_are_not_served(loop, page, name):

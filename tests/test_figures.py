@@ -368,7 +368,4 @@ def test_a_large_study_shows_one_modulus_and_one_layout(drawn, monkeypatch, tmp_
     assert len(force.data) == 2 * 4
     # the modulus that is nearest to that of the base design
     assert set(force.data["press force (N)"]) == {1.0}
-    assert notes == [
-        "Forces are proportional to E: drawn for E = 1 MPa.",
-        "f has no effect on what is shown.",
-    ]
+    assert notes == ["Forces are proportional to E: drawn for E = 1 MPa.", "f has no effect on what is shown."]

@@ -17,20 +17,8 @@ from studies.sensitivity.made_sensors import nominal_sensor, share_with_error
 from studies.sizing.candidate_performance import FIGURES, performance
 from studies.sizing.candidate_variables import Space
 from studies.sizing.catalogues import catalogues_of
-from studies.sizing.front_solves import (
-    COMPARED,
-    FemBeams,
-    FrontPoint,
-    ranked,
-    solved_points,
-)
-from studies.sizing.front_yield import (
-    check_of,
-    drawn,
-    ranges_of,
-    required_load,
-    yield_of,
-)
+from studies.sizing.front_solves import COMPARED, FemBeams, FrontPoint, ranked, solved_points
+from studies.sizing.front_yield import check_of, drawn, ranges_of, required_load, yield_of
 from studies.sizing.requirements import Requirements
 from studies.sizing.sensor_arrays import made_sensors_of, sensors_of_variant
 

@@ -13,13 +13,7 @@ from analytic import decode
 from geometry.design import Design
 from studies.inputs.option_groups import Basis
 from studies.output import figures
-from studies.sensing import (
-    decode_readings,
-    force_range,
-    layout_metrics,
-    layout_search,
-    layout_uniqueness,
-)
+from studies.sensing import decode_readings, force_range, layout_metrics, layout_search, layout_uniqueness
 
 FOLDED = ("--set", "magnet_height=4", "--set", "l0=6", "--set", "c=4")
 

@@ -18,12 +18,7 @@ from geometry.loads import Load
 from studies.sensing import decode_readings
 from studies.sensitivity import decode_tolerances
 from studies.sensitivity.beam_motions import Press
-from studies.sensitivity.calibration import (
-    curves,
-    percentile,
-    refusals_of,
-    spread_of,
-)
+from studies.sensitivity.calibration import curves, percentile, refusals_of, spread_of
 from studies.sensitivity.made_sensors import (
     SPECS,
     made_readings,

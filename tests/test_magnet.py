@@ -11,15 +11,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from analytic import cylinder
-from analytic.magnet import (
-    MU_0,
-    cylinder_field,
-    dipole_field,
-    paper_field,
-    repulsion,
-    resting_distance,
-    weight,
-)
+from analytic.magnet import MU_0, cylinder_field, dipole_field, paper_field, repulsion, resting_distance, weight
 from geometry import compiled
 from geometry.design import BadInput, Design
 

@@ -24,12 +24,7 @@ def rotation(axis, angle):
     return np.eye(3) + np.sin(angle) * K + (1 - np.cos(angle)) * K @ K
 
 
-CASES = {
-    "neo-hookean": (),
-    "mooney-rivlin": (0.3,),
-    "yeoh": (0.4, 0.2),
-    "ogden": (4.5, -3.0, 0.35),
-}
+CASES = {"neo-hookean": (), "mooney-rivlin": (0.3,), "yeoh": (0.4, 0.2), "ogden": (4.5, -3.0, 0.35)}
 STATES = {
     "rest": np.zeros((3, 3)),
     "generic": 0.3 * np.random.default_rng(5).normal(size=(3, 3)),

@@ -17,12 +17,7 @@ from studies.simulation import material_fit as work
 from studies.simulation.branch_regression import fit, kernel, model, thinned
 from studies.simulation.material_tests import Specimen, Test, kind_of, read, read_specimen
 
-CASES = {
-    "neo-hookean": (),
-    "mooney-rivlin": (0.3,),
-    "yeoh": (-0.04, 0.004),
-    "ogden": (4.0, -2.5, 0.3),
-}
+CASES = {"neo-hookean": (), "mooney-rivlin": (0.3,), "yeoh": (-0.04, 0.004), "ogden": (4.0, -2.5, 0.3)}
 STRETCH = np.linspace(0.7, 2.5, 40)
 
 
@@ -117,14 +112,7 @@ def test_the_user_chooses_and_is_told_by_how_much_the_law_misses_the_test(run, s
     assert records["yeoh"]["not_chosen_because"] == ["another_asked_for"]
 
 
-@pytest.mark.parametrize(
-    "count",
-    [
-        1,
-        2,
-        4,
-    ],
-)
+@pytest.mark.parametrize("count", [1, 2, 4])
 def test_few_points_are_fitted_by_laws_with_as_few_constants(count):
     points = [
         (0.2 * k, float(law_regression.nominal_stress("yeoh", (0.1, 0.0), np.array(1 + 0.2 * k))))
@@ -239,10 +227,7 @@ def test_fractions_are_not_taken_for_percent(tmp_path, refused):
         ("", ["is empty"]),
         (GOOD.replace("stretch", "time"), ["line 1", "a column stretch or strain", "time"]),
         (GOOD.replace("stretch", "Strain (%)"), ["line 1", "'Strain (%)'", "did you mean strain_percent?"]),
-        (
-            GOOD.replace("_MPa", ""),
-            ["nominal_stress_MPa or nominal_stress_kPa or nominal_stress_Pa", "has no unit"],
-        ),
+        (GOOD.replace("_MPa", ""), ["nominal_stress_MPa or nominal_stress_kPa or nominal_stress_Pa", "has no unit"]),
         (GOOD.replace("stretch,", "stretch,strain,"), ["line 1", "stretch and strain", "keep one"]),
         (GOOD.replace("1.2,0.2", "1.2,nan"), ["line 4, column nominal_stress_MPa", "finite", "'nan'"]),
         (GOOD.replace("1.2,0.2", "1.2"), ["line 4", "1 values for 2 columns: give one value per column"]),

@@ -219,10 +219,7 @@ def test_a_facet_of_the_magnet_that_faces_its_centre_counts_with_its_sense():
     notched = replace(
         own,
         _boundaries={**own.boundaries, "magnet": np.setxor1d(on, own.t2f[:, cell])},
-        _subdomains={
-            "silicone": np.append(own.subdomains["silicone"], cell),
-            "magnet": np.setdiff1d(magnet, [cell]),
-        },
+        _subdomains={"silicone": np.append(own.subdomains["silicone"], cell), "magnet": np.setdiff1d(magnet, [cell])},
     )
     errors = quality(with_exact_volumes(notched, SHAPE), SHAPE)["volume_errors"]
     assert max(map(abs, errors.values())) < 1e-6

@@ -10,14 +10,7 @@ from scipy.optimize import brentq
 from analytic.relaxation_loops import loop
 from analytic.viscoelastic_contact import indentation
 from geometry.design import Design
-from geometry.relaxation import (
-    Relaxation,
-    branches_text,
-    check_range,
-    constant_loss,
-    moduli,
-    parse_branches,
-)
+from geometry.relaxation import Relaxation, branches_text, check_range, constant_loss, moduli, parse_branches
 
 SERIES = Relaxation((0.2, 0.1, 0.25), (0.01, 0.5, 20.0))
 MEASURED = Design(prony="0.1:0.1 0.2:10")

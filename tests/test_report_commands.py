@@ -141,9 +141,7 @@ def test_table_without_its_columns_is_named(tmp_path, name):
 
 
 @pytest.mark.parametrize(
-    "known",
-    [known for known in report_sections.KNOWN if known.file.endswith(".csv")],
-    ids=lambda known: known.file,
+    "known", [known for known in report_sections.KNOWN if known.file.endswith(".csv")], ids=lambda known: known.file
 )
 def test_table_of_failures_only_spoils_nothing(tmp_path, known):
     row = ",".join("failed" if name == "status" else "" for name in known.columns)

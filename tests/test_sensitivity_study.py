@@ -13,13 +13,7 @@ from geometry.design import BadInput, Design, paper
 from geometry.loads import Load
 from studies.mechanics import surrogate_response
 from studies.sensitivity import sensitivity_study
-from studies.sensitivity.beam_motions import (
-    QUANTITIES,
-    Press,
-    motions,
-    names,
-    sampled_outputs,
-)
+from studies.sensitivity.beam_motions import QUANTITIES, Press, motions, names, sampled_outputs
 from studies.sensitivity.global_sensitivity import (
     effects,
     indices,

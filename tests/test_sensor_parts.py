@@ -206,14 +206,7 @@ def test_a_batch_fills_a_folder_for_each_combination(run, tmp_path, strict):
 
 
 @pytest.mark.parametrize(("option", "choices"), [("--mold", Mold), ("--base", base.Base)])
-@pytest.mark.parametrize(
-    "value",
-    [
-        "1e9",
-        "nan",
-        "",
-    ],
-)
+@pytest.mark.parametrize("value", ["1e9", "nan", ""])
 def test_a_choice_out_of_its_range_names_the_range(option, choices, value):
     for name, bounds in ((spec.name, spec.metadata) for spec in dataclasses.fields(choices) if spec.metadata):
         given = Fabrication(**{option.strip("-"): [f"{name}={value}"]})

@@ -407,18 +407,9 @@ def test_models_are_ordered_from_coarse_to_fine():
         (asked(["depth=1"], quantities="cycle"), ["quantity cycle needs the rate"]),
         (asked(["depth=1"], load=["frequency=2"]), ["frequency has no effect", "response"]),
         (asked(["depth=1"], load=["speed=2"], quantities="response"), ["speed has no effect"]),
-        (
-            asked(["speed=1,2"], depth=1.0, load=["frequency=2"], quantities="response"),
-            ["leave one of them out"],
-        ),
-        (
-            asked(["frequency=0,2"], depth=1.0, quantities="response"),
-            ["frequency must be more than 0 Hz", "got 0"],
-        ),
-        (
-            asked(["depth=1"], models="quick", quantities="decoded_force_error"),
-            ["needs a level of the formulas"],
-        ),
+        (asked(["speed=1,2"], depth=1.0, load=["frequency=2"], quantities="response"), ["leave one of them out"]),
+        (asked(["frequency=0,2"], depth=1.0, quantities="response"), ["frequency must be more than 0 Hz", "got 0"]),
+        (asked(["depth=1"], models="quick", quantities="decoded_force_error"), ["needs a level of the formulas"]),
     ],
 )
 def test_contradictions_are_refused(options, parts, refused):
