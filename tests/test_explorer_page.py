@@ -354,22 +354,22 @@ def test_page_says_nothing_on_the_console_and_asks_no_other_server(page, served)
     assert hosts <= {urlsplit(served[1]).netloc, ""}
 
 
-def test_killed_server_is_said_on_the_page_and_a_new_one_shows_margins_of_requirements(chromium, tmp_path):
+def test_a_page_shows_margins_of_requirements_and_says_when_its_server_is_killed(chromium, tmp_path):
     file = tmp_path / "requirements.toml"
     file.write_text('force_z = "2 N"\nforce_x = "0.4 N"\nouter_size = "20 mm"\nhall_parts = ["TMAG5273A1"]\n')
     # a server of its own, for other tests need theirs
-    with server() as (process, address):
-        page = opened(chromium, f"{address}{QUICK}&depth=0.9", 1400, 900)
+    with server(design=file) as (process, address):
+        page = opened(chromium, f"{address}&level=quick", 1400, 900)
+        margins_are_shown(page)
         rest(page)
         before = drawn(page, SECTION)
         process.kill()
         wait(page, "document.body.dataset.server === 'gone' && !document.getElementById('notice').hidden")
     assert "start it again" in text(page, "#notice")
     assert drawn(page, SECTION) == before
-    with server(urlsplit(address).port, file) as (_, again):
+    with server(urlsplit(address).port):
         wait(page, "document.body.dataset.server === 'token'")
         assert "another token" in text(page, "#notice")
-        margins_are_shown(opened(chromium, f"{again}&level=quick", 1400, 900))
 
 
 def margins_are_shown(page):

@@ -14,7 +14,7 @@ from fem.solve import load_increments
 from fem.solve.direct_solver import Stability
 from geometry.design import LEAST_WALL, BadInput, Design, paper
 from geometry.loads import Load
-from studies.output.result import FAILED, GOOD, Interrupted
+from studies.output.result import FAILED, GOOD
 from studies.validation import extremes
 from studies.validation.extremes import Case, Measurement, press
 
@@ -222,13 +222,3 @@ def test_the_model_that_no_contact_points_to_is_tried(pressed):
     assert finding.measured < 0.02
     deep = extremes.stopped(far, replace(silent, load=Load(depth=1.0)))
     assert deep.measured > 0.02
-
-
-def test_an_interruption_has_the_cases_that_are_complete(monkeypatch):
-    def stop(case, states):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(extremes, "cases", lambda quick: [SMALL, replace(SMALL, name="long", measure=stop)])
-    with pytest.raises(Interrupted, match="1 rows are complete") as stopped:
-        extremes.run(lambda share, text: None)
-    assert [row["scene"] for row in stopped.value.result.records] == ["small"]

@@ -64,20 +64,6 @@ def test_folder_of_a_newer_format_is_refused(refusal, folder):
     assert not (folder / "report.html").exists()
 
 
-def test_out_that_is_an_input_is_refused(refusal, folder):
-    before = (folder / "sweep.csv").read_bytes()
-    assert "must end in .html" in refusal("report", folder, "--out", folder / "sweep.csv")
-    (folder / "link.html").symlink_to(folder / "sweep.csv")
-    assert "would be overwritten" in refusal("report", folder, "--out", folder / "link.html")
-    assert (folder / "sweep.csv").read_bytes() == before
-
-
-def test_html_file_of_someone_else_is_kept(refusal, folder):
-    (folder / "report.html").write_text("<p>mine</p>")
-    assert "was not written by magtip and would be overwritten" in refusal("report", folder)
-    assert (folder / "report.html").read_text() == "<p>mine</p>"
-
-
 def test_what_cannot_be_read_is_named_and_spoils_nothing(run, folder, strict):
     (folder / "broken.csv").write_text("a,b\n1,2,3\n")
     (folder / "press.csv").write_text("a,b\n1,2\n")
@@ -189,10 +175,6 @@ def test_a_study_without_a_load_has_a_design_only():
 # Page content.
 
 
-def contents(tmp_path, page):
-    return Contents(tmp_path, "out", pages={"PAGE.md": page})
-
-
 def test_markup_of_a_page_is_escaped():
     html = str(
         page_content.page_html(
@@ -214,27 +196,18 @@ def test_pictures_are_those_of_the_page():
     assert used == {"a.png"}
 
 
-def pictures_of(tmp_path, *names):
-    for name in names:
-        Image.new("RGB", (3000, 1000), "white").save(tmp_path / name)
-    return Contents(tmp_path, "", pictures=list(names))
+def test_large_pictures_get_smaller_and_those_without_room_or_content_are_named(tmp_path):
+    Image.new("RGB", (3000, 1000), "white").save(tmp_path / "a.png")
+    (tmp_path / "none.png").write_text("no")
 
+    def sources(name, room):
+        remarks = []
+        return page_content.sources(Contents(tmp_path, "", pictures=[name]), set(), room, remarks), remarks
 
-def test_large_picture_gets_smaller(tmp_path):
-    source = page_content.sources(pictures_of(tmp_path, "a.png"), set(), 10**6, [])["a.png"]
-    head, _, data = source.partition(",")
+    head, _, data = sources("a.png", 10**6)[0]["a.png"].partition(",")
     assert head == "data:image/png;base64"
     assert Image.open(io.BytesIO(base64.b64decode(data))).size == (page_content.WIDTH, 367)
-
-
-def test_picture_without_room_is_named(tmp_path):
-    remarks = []
-    assert page_content.sources(pictures_of(tmp_path, "a.png"), set(), 10, remarks) == {}
-    assert remarks == ["a.png is not shown: the page would become too large."]
-
-
-def test_file_that_is_no_picture_is_named(tmp_path):
-    (tmp_path / "a.png").write_text("no")
-    remarks = []
-    assert page_content.sources(Contents(tmp_path, "", pictures=["a.png"]), set(), 99, remarks) == {}
-    assert remarks[0].startswith("a.png was not read: it is no picture")
+    assert sources("a.png", 10) == ({}, ["a.png is not shown: the page would become too large."])
+    found, (remark,) = sources("none.png", 99)
+    assert found == {}
+    assert remark.startswith("none.png was not read: it is no picture")

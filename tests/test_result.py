@@ -13,9 +13,8 @@ import pandas as pd
 import pytest
 from pyarrow import parquet
 
-from geometry.design import BadInput
-from studies.output import atomic_files, provenance
-from studies.output.atomic_files import LOCK, write_text
+from studies.output import provenance
+from studies.output.atomic_files import write_text
 from studies.output.result import (
     FAILED,
     GOOD,
@@ -98,19 +97,6 @@ def test_a_folder_has_tables_files_pages_and_the_record_of_the_run(tmp_path):
     # what earlier options have written, and these do not, goes
     assert run(result(tables={"press": ROWS}), out=out, names=NAMES, as_json=True) == GOOD
     assert {path.name for path in out.glob("[!.]*")} == {"press.csv", "run.json"}
-
-
-def test_files_of_the_user_and_inputs_are_not_replaced(tmp_path):
-    (tmp_path / "press.csv").write_text("mine\n")
-    for inputs in ((), (tmp_path / "press.csv",)):
-        with pytest.raises(BadInput, match=r"press\.csv"):
-            run(result(tables={"press": ROWS}), out=tmp_path, names=NAMES, inputs=inputs)
-    assert (tmp_path / "press.csv").read_text() == "mine\n"
-
-
-def test_a_folder_that_another_process_fills_is_refused(tmp_path):
-    with atomic_files.only(tmp_path / LOCK), pytest.raises(BadInput, match="is being filled"):
-        run(result(), out=tmp_path)
 
 
 def test_an_interruption_prints_what_is_complete_and_writes_nothing(tmp_path, capsys):

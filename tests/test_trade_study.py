@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analytic import beam, buckling
+from analytic import buckling
 from fem.physics_version import PHYSICS
 from fem.scene import Scene
 from studies.cli import entry_point
@@ -30,24 +30,7 @@ from studies.validation.trade import (
     true_errors,
 )
 
-LEVELS = ("quick", "standard", "fine")
 COMMAND = ("validate", "trade", "--quick", "--designs", "2", "--json")
-
-
-def test_the_whole_plan_runs_every_model_at_every_level_that_is_not_excluded():
-    runs, _ = trade.plan()
-    cells = {(one.kind, one.model, one.level) for one in runs}
-    everything = {
-        (kind, model, level)
-        for kind in KINDS
-        for model in PLAN[kind]["models"]
-        for level, count in zip(LEVELS, PLAN[kind]["runs"].get(model, (1, 1, 1)), strict=True)
-        if count
-    }
-    assert {cell for cell in cells if cell[1] not in trade.CALCULATED} == everything
-    surrogate = {(kind, level) for kind, model, level in cells if model == "surrogate"}
-    assert surrogate == {("press", "shipped"), ("glued shear", "shipped")}
-    assert {level for kind, model, level in cells if model == "formula"} == set(beam.LEVELS)
 
 
 def test_every_run_has_a_reference():
