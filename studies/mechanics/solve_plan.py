@@ -6,13 +6,12 @@ the store lacks. Memory grows with the number of distinct problems, not with the
 
 from __future__ import annotations
 
-import contextlib
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from analytic import beam
-from fem.accuracy import LEVELS, Accuracy, coarser
+from fem.accuracy import LEVELS
 from fem.scene import Scene
 from geometry.compiled import cores
 from geometry.design import BadInput
@@ -254,35 +253,3 @@ def cost(task: Task) -> float:
     harmonics = scene.harmonics_at(max(scene.loads[0].depth / scene.design.D, 0.01)) / 3 if scene.plate_tilt else 1.0
     fields = (2.0 if scene.turns else 1.0) * max(harmonics, 1.0)
     return size * loads * fields**2 * (6.0 if slides else 0.8 if scene.model == "harmonic" else 0.15)
-
-
-class Solver:
-    """Finds the answers to scenes in the store, and solves what is missing with all processes."""
-
-    def __init__(self, store: Store, processes: Processes, progress: Progress | None, accuracy: Accuracy):
-        self.store, self.processes, self.progress, self.accuracy = store, processes, progress, accuracy
-
-    def answers(self, scenes: Sequence[Scene], kind: Kind = "states") -> list[list[Answer]]:
-        """Return for each scene the answers to its loads, which lie on one path, for its own design.
-
-        Similar scenes share a path, whatever their D and E.
-        """
-        paths: dict[str, NeededPath] = {}
-        where: list[tuple[str, list[Position]]] = []
-        for scene in scenes:
-            places = [path_solver.place(replace(scene, loads=(load,)), kind) for load in scene.loads]
-            key = store_module.key(places[0].content)
-            path = paths.setdefault(key, NeededPath(places[0], len(paths) + 1))
-            path.wanted |= {one.at: None for one in places}
-            where.append((key, [one.at for one in places]))
-        with contextlib.closing(Solves(paths, self.store, self.processes, self.progress)) as solves:
-            found = []
-            for scene, (key, positions) in zip(scenes, where, strict=True):
-                solves.wait(key)
-                stored = solves.answers(key)
-                found.append([stored[at].of(scene.design.D, scene.design.E) for at in positions])
-        return found
-
-    def coarser(self) -> Solver:
-        """Return a solver on the coarser mesh from which errors are estimated."""
-        return Solver(self.store, self.processes, self.progress, coarser(self.accuracy))

@@ -23,9 +23,10 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy import linalg, stats
 
-from fem.accuracy import QUICK, STANDARD, Accuracy
+from fem.accuracy import QUICK, STANDARD, Accuracy, coarser
 from geometry.arrays import Array
 from geometry.messages import Progress
+from studies.cases import FiniteElements
 from studies.inputs.option_groups import Whole
 from studies.mechanics import prediction, surrogate_file, surrogate_range
 from studies.mechanics.prediction import CRITICAL, DEEP, SLENDER, THICK, WIDE, Quantity
@@ -37,16 +38,7 @@ from studies.output.result import Result
 from studies.validation import pages
 from studies.validation import surrogate_training as training
 from studies.validation.pages import Row
-from studies.validation.surrogate_training import (
-    COVERAGE,
-    Beams,
-    Engine,
-    States,
-    TrainingSet,
-    compared,
-    deepest,
-    motions,
-)
+from studies.validation.surrogate_training import COVERAGE, Beams, States, TrainingSet, compared, deepest, motions
 
 POOL = 1500
 """Random beams among which the next training beams are chosen."""
@@ -96,16 +88,16 @@ class Outcome(NamedTuple):
 
 def build(extent: Extent, options: Mapping[str, Any]) -> Outcome:
     """Build and test a surrogate; `options` say where `cases.answer` solves and stores."""
-    engine = Engine(extent.accuracy, options)
-    states = training_states(engine, training.training_beams(extent.first, extent.seed))
+    fem = FiniteElements(extent.accuracy, options)
+    states = training_states(fem, training.training_beams(extent.first, extent.seed))
     for k, count in enumerate(extent.rounds):
         surrogate = training.surrogate_of(states.complete(), {})
         more = widest(surrogate, training.random_beams(POOL, extent.seed + 2 + k), count)
-        states = states.joined(training_states(engine, more))
+        states = states.joined(training_states(fem, more))
     complete = states.complete()
-    seen, critical, _ = unseen(engine, extent.calibration, extent.critical, extent.seed + CALIBRATION)
-    test = unseen(engine, extent.test, extent.critical, extent.seed + 1)
-    about = {"accuracy": engine.accuracy.name, "beams": len(complete.beams), "calibration_beams": len(seen.beams)}
+    seen, critical, _ = unseen(fem, extent.calibration, extent.critical, extent.seed + CALIBRATION)
+    test = unseen(fem, extent.test, extent.critical, extent.seed + 1)
+    about = {"accuracy": fem.accuracy.name, "beams": len(complete.beams), "calibration_beams": len(seen.beams)}
     surrogate = training.surrogate_of(complete, about | {"test_beams": len(test[0].beams), "versions": versions()})
     surrogate = recalibrated(surrogate, errors(surrogate, seen))
     # the half widths of critical depths follow those of the sideways stiffness
@@ -113,23 +105,28 @@ def build(extent: Extent, options: Mapping[str, Any]) -> Outcome:
     return Outcome(surrogate, complete, test, len(states.beams) - len(complete.beams))
 
 
-def training_states(engine: Engine, beams: Beams) -> TrainingSet:
-    press = motions(engine, beams, surrogate_range.press_depths(beams.L, beams.diameter, beams.height))
-    mode = training.first_modes(engine, beams)
-    shear = motions(engine, beams, training.shear_depth(beams, press)[:, None], surrogate_range.shears(beams.L))
+def training_states(fem: FiniteElements, beams: Beams) -> TrainingSet:
+    press = motions(fem, beams, surrogate_range.press_depths(beams.L, beams.diameter, beams.height))
+    mode = training.first_modes(fem, beams)
+    shear = motions(fem, beams, training.shear_depth(beams, press)[:, None], surrogate_range.shears(beams.L))
     return TrainingSet(beams, press, mode, shear)
 
 
-def unseen(engine: Engine, count: int, critical: int, seed: int) -> Unseen:
+def coarser_of(fem: FiniteElements) -> FiniteElements:
+    """Return the finite elements from which errors are estimated."""
+    return fem._replace(accuracy=coarser(fem.accuracy))
+
+
+def unseen(fem: FiniteElements, count: int, critical: int, seed: int) -> Unseen:
     """Return `count` random beams of each region with their states, and critical depths of the first ones."""
-    states = random_states(engine, training.regional_beams(count, seed), seed)
+    states = random_states(fem, training.regional_beams(count, seed), seed)
     complete = states.complete()
     first = complete.beams[: critical * prediction.REGIONS]
-    depths = compared(training.critical_depths(engine, first), training.critical_depths(engine.coarser(), first))
+    depths = compared(training.critical_depths(fem, first), training.critical_depths(coarser_of(fem), first))
     return complete, depths, len(states.beams) - len(complete.beams)
 
 
-def random_states(engine: Engine, beams: Beams, seed: int) -> TrainingSet:
+def random_states(fem: FiniteElements, beams: Beams, seed: int) -> TrainingSet:
     """Return the states of beams at random depths, spread in their root, and shears, RANDOM_DEPTHS and RANDOM_SHEARS.
 
     All have an estimate of the finite elements' own error, which the coarser mesh gives where answers have none.
@@ -143,14 +140,14 @@ def random_states(engine: Engine, beams: Beams, seed: int) -> TrainingSet:
     least = surrogate_range.SHEAR_NODES[0] / 2
     share = np.sort(least + (1 - least) * shares(2, RANDOM_SHEARS), axis=1)
     sideways = np.asarray(np.round(share * surrogate_range.farthest(beams.L)[:, None], 6))
-    press = motions(engine, beams, depths)
+    press = motions(fem, beams, depths)
     sheared = training.shear_depth(beams, press)[:, None]
-    other = engine.coarser()
+    other = coarser_of(fem)
     return TrainingSet(
         beams,
         compared(press, motions(other, beams, depths)),
-        compared(training.first_modes(engine, beams), training.first_modes(other, beams)),
-        compared(motions(engine, beams, sheared, sideways), motions(other, beams, sheared, sideways)),
+        compared(training.first_modes(fem, beams), training.first_modes(other, beams)),
+        compared(motions(fem, beams, sheared, sideways), motions(other, beams, sheared, sideways)),
     )
 
 

@@ -46,23 +46,19 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 from scipy import linalg, optimize
 from scipy.stats import qmc
 
-from fem.accuracy import Accuracy, coarser
-from fem.scene import Model
 from geometry.arrays import Array
 from geometry.design import Design
 from geometry.loads import Load
-from studies.cases import FemModel
+from studies.cases import FiniteElements
 from studies.mechanics import prediction, surrogate_range
 from studies.mechanics.path_solver import frequency_unit
 from studies.mechanics.prediction import POSE, PRESS, SHEAR, SKIN, STRAIN, first_zero
 from studies.mechanics.surrogate_file import ROOT5, GaussianProcess, Group, Surrogate, with_constant
 from studies.mechanics.surrogate_range import DENSITY_RATIO, DIAMETER, EDGE, HEIGHT, LEAST_WALL, LENGTH, POISSON
-from studies.validation.error_study_cases import answers_of
 
 DIAMETER_MM = 10.0
 """D of the designs that are solved; the answers hold for every D."""
@@ -198,73 +194,64 @@ def compared(states: States, coarse: States) -> States:
     return {f"{name}_error": np.abs(q - coarse[name]) for name, q in states.items() if name in coarse} | dict(states)
 
 
-class Engine(NamedTuple):
-    """Finite elements of an accuracy, and where `cases.answer` solves and stores: its other arguments."""
-
-    accuracy: Accuracy
-    options: Mapping[str, Any]
-
-    def coarser(self) -> Engine:
-        return self._replace(accuracy=coarser(self.accuracy))
-
-    def answer(
-        self, designs: Sequence[Design], loads: Sequence[Load], quantities: Sequence[str], model: Model = "auto"
-    ) -> pd.DataFrame:
-        fem, states = FemModel(self.accuracy.name, self.accuracy, model), zip(designs, loads, strict=True)
-        asked: Any = [(design, load, "rigid") for design, load in states]
-        return answers_of(asked, [fem] * len(asked), quantities, **self.options)
-
-
 MOTIONS = {
-    "force_x": ("force_x_N", 1 / DIAMETER_MM**2),
-    "force_z": ("force_N", 1 / DIAMETER_MM**2),
-    "shift_x": ("shift_x_mm", 1 / DIAMETER_MM),
-    "shift_z": ("shift_z_mm", 1 / DIAMETER_MM),
-    "tilt": ("tilt_rad", 1.0),
-    "contact_radius": ("contact_radius_mm", 1 / DIAMETER_MM),
-    "strain": ("largest_strain_percent", 1 / 100),
-    "sideways_ratio": ("sideways_stiffness_ratio", 1.0),
+    "force_x": ("fem_force_x_N", 1 / DIAMETER_MM**2),
+    "force_z": ("fem_force_N", 1 / DIAMETER_MM**2),
+    "shift_x": ("fem_shift_x_mm", 1 / DIAMETER_MM),
+    "shift_z": ("fem_shift_z_mm", 1 / DIAMETER_MM),
+    "tilt": ("fem_tilt_rad", 1.0),
+    "contact_radius": ("fem_contact_radius_mm", 1 / DIAMETER_MM),
+    "strain": ("fem_largest_strain_percent", 1 / 100),
+    "sideways_ratio": ("fem_sideways_stiffness_ratio", 1.0),
 }
 """Columns of the quantities of a state, and factors to lengths over D and forces over E D^2; E = 1 MPa."""
 
 
-def motions(engine: Engine, beams: Beams, depth: Array, shear: Array | float = 0.0) -> States:
+ERRORS = {
+    "force_x": "sideways_error_estimate",
+    "force_z": "error_estimate",
+    "shift_x": "shift_error_estimate",
+    "shift_z": "shift_error_estimate",
+    "tilt": "tilt_error_estimate",
+}
+"""Quantities whose errors are estimated, relative to the whole force or shift but for `force_x`."""
+
+
+def motions(fem: FiniteElements, beams: Beams, depth: Array, shear: Array | float = 0.0) -> States:
     depth, shear = np.broadcast_arrays(depth, shear)
     glued = bool(shear.any())
     designs = [one for beam in beams for one in itertools.repeat(design(beam), depth.shape[1])]
     places = zip((DIAMETER_MM * depth).flat, (DIAMETER_MM * shear).flat, strict=True)
     loads = [Load(float(d), float(x), friction="stick" if glued else "none") for d, x in places]
     names = ("force", "shift", "tilt", "contact_radius", "strain", "sideways_stiffness")
-    answers = engine.answer(designs, loads, names, "harmonic" if glued else "auto")
-    found = {name: factor * answers[column] for name, (column, factor) in MOTIONS.items()}
-    force, shift = (np.hypot(found[f"{name}_x"], found[f"{name}_z"]) for name in ("force", "shift"))
-    found |= {
-        "force_x_error": found["force_x"].abs() * answers.sideways_error_estimate,
-        "force_z_error": force * answers.error_estimate,
-        "shift_x_error": shift * answers.shift_error_estimate,
-        "shift_z_error": shift * answers.shift_error_estimate,
-        "tilt_error": found["tilt"].abs() * answers.tilt_error_estimate,
-    }
+    answers = fem.answers(list(zip(designs, loads, strict=True)), names, "harmonic" if glued else "auto")
+    # presses have nothing sideways
+    found = {name: factor * answers[column] for name, (column, factor) in MOTIONS.items() if column in answers}
+    force, shift = (np.hypot(found.get(f"{name}_x", 0.0), found[f"{name}_z"]) for name in ("force", "shift"))
+    sizes = {name: found[name].abs() for name in found} | {"force_z": force, "shift_x": shift, "shift_z": shift}
+    for name, column in ERRORS.items():
+        if name in found and column in answers:
+            found[f"{name}_error"] = sizes[name] * answers[column]
     table = {name: values.to_numpy().reshape(depth.shape) for name, values in found.items()}
     return {"depth": depth, "shear": shear, **table}
 
 
-def critical_depths(engine: Engine, beams: Beams) -> States:
+def critical_depths(fem: FiniteElements, beams: Beams) -> States:
     """Return the critical depths over D, at most the deepest press of the surrogate; NaN where a search fails."""
     designs, most = [design(beam) for beam in beams], deepest(beams)
     if not designs:
         return _single("depth", most)
-    answers = engine.answer(designs, [Load(depth=0.0)] * len(beams), ["critical_depth"])
+    answers = fem.answers([(one, Load(depth=0.0)) for one in designs], ["critical_depth"])
     depth, stable = (answers[name].to_numpy() / DIAMETER_MM for name in ("critical_depth_mm", "stable_to_mm"))
     found = np.where(np.isnan(depth) & (stable >= most - 1e-9), most, depth)
     return _single("depth", np.minimum(found, most))
 
 
-def first_modes(engine: Engine, beams: Beams) -> States:
+def first_modes(fem: FiniteElements, beams: Beams) -> States:
     designs = [design(beam) for beam in beams]
     heavy = zip(designs, density_ratio(beams).tolist(), strict=True)
     designs = [replace(one, magnet_density=ratio * one.density) for one, ratio in heavy]
-    answers = engine.answer(designs, [Load(depth=0.0)] * len(beams), ["modes"])
+    answers = fem.answers([(one, Load(depth=0.0)) for one in designs], ["modes"])
     units = [frequency_unit(one.D, one.E, one.density) for one in designs]
     return _single("frequency", answers.mode1_Hz.to_numpy() / units)
 
@@ -298,7 +285,7 @@ class TrainingSet(NamedTuple):
     shear: States
 
     def complete(self) -> TrainingSet:
-        needed = self.press["force_x"], self.press["sideways_ratio"], self.shear["force_x"], self.mode["frequency"]
+        needed = self.press["force_z"], self.press["sideways_ratio"], self.shear["force_x"], self.mode["frequency"]
         rows = ~np.isnan(np.hstack(needed)).any(axis=1)
         return TrainingSet(self.beams[rows], *({name: q[rows] for name, q in part.items()} for part in self[1:]))
 
