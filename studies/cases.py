@@ -14,7 +14,6 @@ the remanence, E without an imperfection) share a solve, and solved states are k
 from __future__ import annotations
 
 import contextlib
-import dataclasses
 import decimal
 import math
 import numbers
@@ -39,11 +38,10 @@ from studies.mechanics.study_cases import (
     Columns,
     FemModel,
     Plan,
-    check_quantities,
+    completed,
     model_name,
     models_of,
 )
-from studies.mechanics.timed_quantities import check_motion
 from studies.sweeps import sweep
 
 if TYPE_CHECKING:
@@ -178,16 +176,10 @@ def _plan(
     fem, formulas = models_of([model for model in models if isinstance(model, str)])
     fem += tuple(model for model in models if isinstance(model, FemModel))
     magnet: Magnet = "rigid" if base.shape.has_magnet else "ignored"
-    names = factor.names
     truth = model_name(reference) if reference else ""
     plan = Plan(base, (factor,), {}, magnet, fem, formulas, asked, truth)
-    if not asked:
-        readings = base.shape.has_magnet or {"magnet_diameter", "magnet_height"} & set(names)
-        usual = [name for name in DEFAULT_QUANTITIES if name != "readings" or readings]
-        asked = study_input.checked_quantities((*usual, *(["tilt"] if plan.loads_sideways else [])))
-        plan = dataclasses.replace(plan, quantities=asked)
-    check_quantities(asked, fem, formulas)
-    check_motion(names, asked)
+    readings = base.shape.has_magnet or {"magnet_diameter", "magnet_height"} & set(factor.names)
+    plan = completed(plan, [name for name in DEFAULT_QUANTITIES if name != "readings" or readings])
     if reference and plan.truth not in (*(model.name for model in fem), *formulas):
         raise BadInput(f"the reference {reference!r} is not among the models: add it to them")
     return plan

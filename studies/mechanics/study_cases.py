@@ -29,11 +29,11 @@ from geometry.arrays import Array
 from geometry.bad_input import closest
 from geometry.design import OF_TIME, BadInput, Design
 from geometry.loads import Load, Magnet, check_load
-from studies.inputs import user_input
+from studies.inputs import study_input, user_input
 from studies.inputs.study_input import DESIGN, LOAD, Factor, QuantityName
 from studies.inputs.user_input import Value
 from studies.mechanics.path_solver import KINDS
-from studies.mechanics.timed_quantities import STILL, TIMED, PlateMotion, motion_of
+from studies.mechanics.timed_quantities import STILL, TIMED, PlateMotion, check_motion, motion_of
 
 READING_FIELDS = frozenset(
     name
@@ -388,13 +388,17 @@ def models_of(names: Sequence[str], tolerance: float | None = None) -> tuple[tup
     return tuple(fem), tuple(level for level in FORMULAS if level in formulas)
 
 
-def check_quantities(quantities: Sequence[str], fem: Sequence[FemModel], formulas: Sequence[str]) -> None:
-    """Refuse quantities that the models cannot give."""
+def completed(plan: Plan, usual: Sequence[str] = DEFAULT_QUANTITIES) -> Plan:
+    """Return a study with the usual quantities if it names none; refuse those that its models cannot give."""
+    sideways = ("tilt",) if plan.loads_sideways else ()
+    asked = plan.quantities or study_input.checked_quantities((*usual, *sideways))
     for name in ("decoded_force_error", *KINDS):
-        if name in quantities and not any(not model.surrogate for model in fem):
+        if name in asked and all(model.surrogate for model in plan.fem):
             raise BadInput(f"quantity {name} needs finite elements: add a model such as standard")
-    if "decoded_force_error" in quantities and not formulas:
+    if "decoded_force_error" in asked and not plan.formulas:
         raise BadInput("quantity decoded_force_error needs a level of the formulas: add a model such as finite")
+    check_motion({*plan.axes, *plan.load}, asked)
+    return dataclasses.replace(plan, quantities=asked)
 
 
 def model_name(name: str) -> str:

@@ -10,7 +10,6 @@ the number of rows.
 from __future__ import annotations
 
 import contextlib
-import dataclasses
 import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -31,16 +30,14 @@ from studies.mechanics.path_solver import KINDS, Answer
 from studies.mechanics.solve_plan import IMPOSSIBLE, Paths, Processes, Solves, Target, surrogate_answers
 from studies.mechanics.store import Store
 from studies.mechanics.study_cases import (
-    DEFAULT_QUANTITIES,
     Batch,
     Cases,
     Columns,
     FemModel,
     Plan,
-    check_quantities,
+    completed,
     models_of,
 )
-from studies.mechanics.timed_quantities import check_motion
 from studies.output import atomic_files, console, table_files
 from studies.output.records import FlatRow
 from studies.output.result import Result, Table
@@ -190,13 +187,7 @@ def plan_of(source: str | None, options: Sweep, sets: Sequence[str] = ()) -> Pla
     quantities = study_input.checked_quantities(asked)
     if study_input.needs_load(quantities) and not {"depth", "grip"} & {*names, *load}:
         raise BadInput("a sweep needs a depth: add --depth D in mm, or the axis depth=a,b,c")
-    plan = Plan(design, study.factors, load, magnet, fem, formulas, quantities)
-    if not quantities:
-        sideways = ("tilt",) if plan.loads_sideways else ()
-        quantities = study_input.checked_quantities((*DEFAULT_QUANTITIES, *sideways))
-    check_quantities(quantities, fem, formulas)
-    check_motion({*names, *load}, quantities)
-    return dataclasses.replace(plan, quantities=quantities)
+    return completed(Plan(design, study.factors, load, magnet, fem, formulas, quantities))
 
 
 def _parts(text: str) -> tuple[str, ...]:
