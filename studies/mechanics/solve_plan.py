@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 from analytic import beam
 from fem.accuracy import LEVELS
@@ -56,15 +56,6 @@ class Processes:
             raise BadInput(f"--workers must be a whole number from 0 to {MOST_WORKERS}; got {self.workers}")
 
 
-@dataclass(slots=True)
-class NeededPath:
-    """A path that a study needs: its first place, its number from 1, and the positions of the states."""
-
-    place: Place
-    number: int
-    wanted: dict[Position, None] = field(default_factory=dict)
-
-
 @dataclass(frozen=True, slots=True)
 class Target:
     """Where the answer of a problem by one model is.
@@ -82,29 +73,70 @@ class Target:
     choice: Choice | None = None
 
 
-class Paths:
-    """All paths that a study needs, by the keys of the store, in the order in which its cases need them."""
+def surrogate_answers(problems: Sequence[Problem]) -> list[Answer]:
+    """Return the surrogate's answers; their error estimates are half widths of 90 % intervals."""
+    from studies.mechanics import surrogate_response
 
-    def __init__(self, plan: Plan, cases: Cases) -> None:
-        self.plan = plan
-        self.paths: dict[str, NeededPath] = {}
+    possible = [(k, (p.design, p.load, p.magnet)) for k, p in enumerate(problems) if p.design and p.load]
+    answers = [replace(IMPOSSIBLE, message=problem.message) for problem in problems]
+    estimates = surrogate_response.respond_all([case for _, case in possible])
+    for (k, (design, _, _)), estimate in zip(possible, estimates, strict=True):
+        if isinstance(estimate, str):
+            answers[k] = replace(IMPOSSIBLE, message=estimate)
+            continue
+        errors, values = dict(estimate.errors), {"largest_strain": estimate.strain}
+        force = errors.pop("force")
+        assert force is not None
+        answers[k] = Answer(design.D, design.E, estimate.response, "ok", estimate.message, force, 0.0, errors, values)
+    return answers
+
+
+class Solves:
+    """The paths that a study needs, in the order of its cases, and their missing states.
+
+    Workers solve these, and they are written to the store as they arrive. Paths are numbered from 1.
+    """
+
+    def __init__(
+        self, plan: Plan, cases: Cases, store: Store, processes: Processes, progress: Progress | None
+    ) -> None:
+        self.plan, self.store = plan, store
+        self.paths: dict[str, Place] = {}
         self._targets: Recent[dict[str, Target]] = Recent()
+        self._answers: Recent[dict[Position, Answer]] = Recent()
+        tasks, keys = [], list[str]()
+        for number, (key, wanted) in enumerate(self._wanted(cases).items(), 1):
+            states, again = store.states(self.paths[key].content), ("transient",) if processes.retry_failed else ()
+            reached = sorted(at for at, state in states.items() if state.outcome == "ok")
+            lacking = {at for at in wanted if at not in states or states[at].outcome in again}
+            if lacking:
+                tasks.append(path_solver.task(number, self.paths[key], sorted(lacking), reached))
+                keys.append(key)
+        self.numbers = {key: number for number, key in enumerate(self.paths, 1)}
+        self._keys, self._open, self.count = list(self.paths), set(keys), len(tasks)
+        workers = processes.workers
+        if workers is None:
+            workers = 0 if sum(map(cost, tasks)) <= INLINE else min(cores(), len(tasks))
+        self._finished = finished(
+            tasks, solve_task, workers=workers, scheduler=processes.scheduler, cost=cost, progress=progress
+        )
+
+    def _wanted(self, cases: Cases) -> dict[str, dict[Position, None]]:
+        """Note the first place of each path, and return the positions that the study needs on it."""
+        wanted: dict[str, dict[Position, None]] = {}
         firsts = cases.distinct_problems()
         for start in range(0, len(firsts), AT_ONCE):
             batch = cases.batch(firsts[start : start + AT_ONCE])
             for k in batch.problem.tolist():
                 for target, stored in self._places(batch.problems[k]).values():
                     if stored is not None:
-                        path = self.paths.setdefault(target.key, NeededPath(stored, len(self.paths) + 1))
-                        path.wanted[target.at] = None
+                        self.paths.setdefault(target.key, stored)
+                        wanted.setdefault(target.key, {})[target.at] = None
+        return wanted
 
     def targets(self, code: int, problem: Problem) -> Mapping[str, Target]:
         """Return where the answers to a problem are, by the names of the models and other quantities."""
         return self._targets.get(code, lambda: {name: target for name, (target, _) in self._places(problem).items()})
-
-    def number(self, key: str) -> int:
-        """Return the number of a path, 0 for none."""
-        return self.paths[key].number if key else 0
 
     def _places(self, problem: Problem) -> dict[str, tuple[Target, Place | None]]:
         # critical depths and modes alone need no state under a load
@@ -137,50 +169,6 @@ class Paths:
         key = store_module.key(stored.content)
         return Target(key, stored.at, stored.direction, choice=choice), stored
 
-
-def surrogate_answers(problems: Sequence[Problem]) -> list[Answer]:
-    """Return the surrogate's answers; their error estimates are half widths of 90 % intervals."""
-    from studies.mechanics import surrogate_response
-
-    possible = [(k, (p.design, p.load, p.magnet)) for k, p in enumerate(problems) if p.design and p.load]
-    answers = [replace(IMPOSSIBLE, message=problem.message) for problem in problems]
-    estimates = surrogate_response.respond_all([case for _, case in possible])
-    for (k, (design, _, _)), estimate in zip(possible, estimates, strict=True):
-        if isinstance(estimate, str):
-            answers[k] = replace(IMPOSSIBLE, message=estimate)
-            continue
-        errors, values = dict(estimate.errors), {"largest_strain": estimate.strain}
-        force = errors.pop("force")
-        assert force is not None
-        answers[k] = Answer(design.D, design.E, estimate.response, "ok", estimate.message, force, 0.0, errors, values)
-    return answers
-
-
-class Solves:
-    """The missing states of a study's paths: they are solved by workers, and written to the store as they arrive."""
-
-    def __init__(
-        self, paths: Mapping[str, NeededPath], store: Store, processes: Processes, progress: Progress | None
-    ) -> None:
-        self.store, self.paths = store, paths
-        self._answers: Recent[dict[Position, Answer]] = Recent()
-        tasks = []
-        for path in paths.values():
-            states, again = store.states(path.place.content), ("transient",) if processes.retry_failed else ()
-            reached = sorted(at for at, state in states.items() if state.outcome == "ok")
-            lacking = {at for at in path.wanted if at not in states or states[at].outcome in again}
-            if lacking:
-                tasks.append(path_solver.task(path.number, path.place, sorted(lacking), reached))
-        keys = list(paths)
-        self._open = {keys[one.number - 1] for one in tasks}
-        self._keys, self.count = keys, len(tasks)
-        workers = processes.workers
-        if workers is None:
-            workers = 0 if sum(map(cost, tasks)) <= INLINE else min(cores(), len(tasks))
-        self._finished = finished(
-            tasks, solve_task, workers=workers, scheduler=processes.scheduler, cost=cost, progress=progress
-        )
-
     def is_solved(self, key: str) -> bool:
         """Return whether all states of a path that the study needs are solved, or have failed."""
         return key not in self._open
@@ -192,7 +180,7 @@ class Solves:
                 done = next(self._finished)
                 solved = self._keys[done.task.number - 1]
                 states = path_solver.unsolved(done.task, done.reason) if done.answer is None else done.answer
-                self.store.add(self.paths[solved].place.content, states)
+                self.store.add(self.paths[solved].content, states)
                 self._open.discard(solved)
         except KeyboardInterrupt:
             count = self.count - len(self._open)
@@ -226,7 +214,7 @@ class Solves:
 
     def answers(self, key: str) -> Mapping[Position, Answer]:
         """Return the stored answers of a path, by their positions."""
-        content = self.paths[key].place.content
+        content = self.paths[key].content
         return self._answers.get(
             key, lambda: {at: path_solver.answer(state) for at, state in self.store.states(content).items()}
         )

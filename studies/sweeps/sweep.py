@@ -27,7 +27,7 @@ from studies.inputs.user_input import Value
 from studies.mechanics import store as stores
 from studies.mechanics.model_choice import UNMET, percent
 from studies.mechanics.path_solver import KINDS, Answer
-from studies.mechanics.solve_plan import IMPOSSIBLE, Paths, Processes, Solves, Target, surrogate_answers
+from studies.mechanics.solve_plan import IMPOSSIBLE, Processes, Solves, Target, surrogate_answers
 from studies.mechanics.store import Store
 from studies.mechanics.study_cases import (
     Batch,
@@ -104,11 +104,10 @@ def _run(
     plan: Plan, folder: Path | None, store: Store, processes: Processes, progress: Progress | None
 ) -> Iterator[Columns]:
     cases = Cases(plan)
-    paths = Paths(plan, cases)
     name, other = ("sweep.parquet", "sweep.csv") if plan.count > LARGE else ("sweep.csv", "sweep.parquet")
     with contextlib.ExitStack() as stack:
-        solves = stack.enter_context(contextlib.closing(Solves(paths.paths, store, processes, progress)))
-        batches = _batches(plan, cases, paths, solves)
+        solves = stack.enter_context(contextlib.closing(Solves(plan, cases, store, processes, progress)))
+        batches = _batches(plan, cases, solves)
         if folder is None:
             yield from (table for table, _ in batches)
             return
@@ -127,13 +126,13 @@ def _run(
     pictures.draw(folder / "sweep.png")
 
 
-def _batches(plan: Plan, cases: Cases, paths: Paths, solves: Solves) -> Iterator[tuple[Columns, NDArray[np.int64]]]:
+def _batches(plan: Plan, cases: Cases, solves: Solves) -> Iterator[tuple[Columns, NDArray[np.int64]]]:
     """Yield tables with the indices of their cases; a batch ends before a case whose path is not solved yet."""
     rows = Rows(plan)
     for first in range(0, plan.count, BATCH):
         indices = np.arange(first, min(first + BATCH, plan.count))
         batch = cases.batch(indices)
-        targets = [paths.targets(code, problem) for code, problem in zip(batch.codes, batch.problems, strict=True)]
+        targets = [solves.targets(code, problem) for code, problem in zip(batch.codes, batch.problems, strict=True)]
         done = 0
         while done < len(indices):
             # the first case whose path is not solved, in the order of the cases
@@ -142,15 +141,13 @@ def _batches(plan: Plan, cases: Cases, paths: Paths, solves: Solves) -> Iterator
             end = done + int(waiting[0]) if len(waiting) else len(indices)
             if end > done:
                 part = batch.part(done, end)
-                yield rows.columns(part, _solved(plan, part, targets, paths, solves)), indices[done:end]
+                yield rows.columns(part, _solved(plan, part, targets, solves)), indices[done:end]
                 done = end
             else:
                 solves.wait(next(t.key for t in targets[batch.problem[done]].values() if not solves.is_solved(t.key)))
 
 
-def _solved(
-    plan: Plan, batch: Batch, targets: Sequence[Mapping[str, Target]], paths: Paths, solves: Solves
-) -> Solved:
+def _solved(plan: Plan, batch: Batch, targets: Sequence[Mapping[str, Target]], solves: Solves) -> Solved:
     present = set(np.unique(batch.problem).tolist())
 
     def of(name: str) -> list[Answer]:
@@ -165,7 +162,7 @@ def _solved(
     own = [kinds[plan.reference.name] for kinds in targets] if plan.reference else []
     return Solved(
         states={m.name: surrogate_answers(batch.problems) if m.surrogate else of(m.name) for m in plan.fem},
-        numbers=[paths.number(target.key) for target in own],
+        numbers=[solves.numbers.get(target.key, 0) for target in own],
         chosen=[choice(target) for target in own] if plan.reference and plan.reference.tolerance else [],
         others={name: of(name) for name in KINDS if name in plan.quantities},
     )
