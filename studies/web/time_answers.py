@@ -172,20 +172,15 @@ def rate(design: Design, frequency: float) -> Data | None:
     """Return how the silicone behaves in small vibrations; None at 0 Hz, or where its branches do not speak.
 
     "storage" is the storage modulus over the one that E is; "gap" that of the loop of a linear spring, a sine, in %
-    of full scale (`analytic.relaxation_loops`); inertia and the contact are left out. With this modulus the first
-    mode has `mode_factor` times its frequency, and the quality `mode_Q`, None without a loss.
+    of full scale (`analytic.relaxation_loops`); inertia and the contact are left out.
     """
     relaxation = relaxation_of(design)
     if not frequency or range_sentence(relaxation, frequencies=[frequency]):
         return None
-    own = 1.0 if design.modulus == "instantaneous" else relaxation.rest
     modulus = complex(relaxation.complex_modulus(2 * math.pi * frequency))
     return {
-        "frequency": frequency,
         "loss_factor": modulus.imag / modulus.real,
-        "storage": modulus.real / own,
-        "mode_factor": math.sqrt(modulus.real / own),
-        "mode_Q": modulus.real / modulus.imag if modulus.imag else None,
+        "storage": modulus.real / (1.0 if design.modulus == "instantaneous" else relaxation.rest),
         "gap": 100 * relaxation_loops.loop(relaxation, frequency, "sine").hysteresis,
     }
 
@@ -199,9 +194,9 @@ def rate_sentence(design: Design, frequency: float, first_mode: float | None) ->
         f"At {frequency:g} Hz the loss factor is {known['loss_factor']:.4g}, the silicone is {known['storage']:.4g} "
         f"times as stiff as E, and a linear loop has a gap of {known['gap']:.4g} % of full scale."
     )
-    if first_mode and known["mode_Q"]:
-        mode = first_mode * known["mode_factor"]
-        text += f" With both the first mode is at {mode:.4g} Hz with Q = {known['mode_Q']:.4g}."
+    if first_mode and known["loss_factor"]:
+        mode, quality = first_mode * math.sqrt(known["storage"]), 1 / known["loss_factor"]
+        text += f" With both the first mode is at {mode:.4g} Hz with Q = {quality:.4g}."
     return text
 
 

@@ -100,9 +100,16 @@ const SensorView = (() => {
       view.pitch = Math.max(-1.5, Math.min(1.5, view.pitch + pitch));
       turned();
     }
-    canvas.addEventListener("pointerdown", (event) => canvas.setPointerCapture(event.pointerId));
+    // not movementX, which browsers do not have for every pointer
+    let last = [0, 0];
+    canvas.addEventListener("pointerdown", (event) => {
+      last = [event.clientX, event.clientY];
+      canvas.setPointerCapture(event.pointerId);
+    });
     canvas.addEventListener("pointermove", (event) => {
-      if (canvas.hasPointerCapture(event.pointerId)) turn(event.movementX * -PER_PIXEL, event.movementY * PER_PIXEL);
+      if (!canvas.hasPointerCapture(event.pointerId)) return;
+      turn((event.clientX - last[0]) * -PER_PIXEL, (event.clientY - last[1]) * PER_PIXEL);
+      last = [event.clientX, event.clientY];
     });
     canvas.addEventListener("keydown", (event) => {
       const way = KEYS[event.key];
