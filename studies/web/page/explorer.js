@@ -153,13 +153,9 @@ const Explorer = (() => {
     $("#undo").disabled = index <= oldest;
     $("#redo").disabled = index >= top;
   }
-  function undo() {
+  function step(by) {
     commit();
-    if (index > oldest) history.back();
-  }
-  function redo() {
-    commit();
-    if (index < top) history.forward();
+    if (by < 0 ? index > oldest : index < top) history.go(by);
   }
   window.addEventListener("popstate", (event) => {
     clearTimeout(pending);
@@ -309,21 +305,15 @@ const Explorer = (() => {
 
   function drawSensor(changed) {
     const list = shownSides().filter((side) => answers[side].sensor3d);
-    const size = Math.max(
-      ...shownSides().map(
-        (side) => 0.5 * Math.hypot(sides[side].D, sides[side].L) + 0.4 * Math.abs(sides[side].shear),
-      ),
-    );
+    const half = ({ D, L, shear }) => 0.5 * Math.hypot(D, L) + 0.4 * Math.abs(shear);
+    const size = Math.max(...shownSides().map((side) => half(sides[side])));
     const largest = Math.max(...list.map((side) => answers[side].sensor3d.data.scale));
     for (const side of list) {
       if (changed) views.sensors[side].show(answers[side].sensor3d.data, largest, view.cut);
       views.sensors[side].draw(size, sides[side].L);
     }
-    if (list.length)
-      Format.put(
-        $("#sensor-note"),
-        `Coloured by displacement, 0 to ${Format.plain(largest)} mm. Drag, or use the arrow keys, to turn.`,
-      );
+    const note = `Coloured by displacement, 0 to ${Format.plain(largest)} mm. Drag, or use the arrow keys, to turn.`;
+    if (list.length) Format.put($("#sensor-note"), note);
   }
 
   // Tables and figures are those of the part of their panel; the press near which it may buckle gets a warning.
@@ -394,16 +384,14 @@ const Explorer = (() => {
   }
 
   function wire() {
-    $("#undo").addEventListener("click", undo);
-    $("#redo").addEventListener("click", redo);
+    $("#undo").addEventListener("click", () => step(-1));
+    $("#redo").addEventListener("click", () => step(1));
     document.addEventListener("keydown", (event) => {
       if (!(event.ctrlKey || event.metaKey) || event.altKey) return;
       const key = event.key.toLowerCase();
-      const act = key === "z" ? (event.shiftKey ? redo : undo) : key === "y" ? redo : null;
-      if (act) {
-        event.preventDefault();
-        act();
-      }
+      if (key !== "z" && key !== "y") return;
+      event.preventDefault();
+      step(key === "z" && !event.shiftKey ? -1 : 1);
     });
     $("#compare").addEventListener("click", () => {
       if (sides.b) closeB();

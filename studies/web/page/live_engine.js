@@ -30,17 +30,21 @@ const LiveEngine = () => {
   }
 
   // A socket does not say why it fails; a plain request does: no server, or one with another token.
+  async function fields() {
+    const reply = await fetch(path("page/fields.json"), { cache: "no-store" }).catch(() => null);
+    if (!reply?.ok) throw new Error(reply?.status === 403 ? "token" : "gone");
+    return reply.json();
+  }
   function again() {
     setTimeout(async () => {
       wait = Math.min(wait * 1.5, LONGEST_WAIT);
       try {
-        const reply = await fetch(path("page/fields.json"), { cache: "no-store" });
-        if (reply.ok) return connect();
-        on.closed(reply.status === 403 ? "token" : "gone");
-      } catch {
-        on.closed("gone");
+        await fields();
+        connect();
+      } catch (error) {
+        on.closed(error.message);
+        again();
       }
-      again();
     }, wait);
   }
 
@@ -55,20 +59,13 @@ const LiveEngine = () => {
       if (socket?.readyState === WebSocket.OPEN) socket.send(JSON.stringify(request));
     },
     on,
-    async fields() {
-      const reply = await fetch(path("page/fields.json"), { cache: "no-store" });
-      if (!reply.ok) throw new Error(reply.status === 403 ? "token" : "gone");
-      return reply.json();
-    },
+    fields,
     // A file of the server for a request; an error carries the server's sentence.
     async file(name, request) {
       const headers = { "Content-Type": "application/json", ...(token ? { "X-Token": token } : {}) };
-      let reply;
-      try {
-        reply = await fetch(path(`export/${name}`), { method: "POST", headers, body: JSON.stringify(request) });
-      } catch {
-        throw new Error("The server does not answer: start it again, then export.");
-      }
+      const post = { method: "POST", headers, body: JSON.stringify(request) };
+      const reply = await fetch(path(`export/${name}`), post).catch(() => null);
+      if (!reply) throw new Error("The server does not answer: start it again, then export.");
       if (!reply.ok)
         throw new Error((await reply.text()).slice(0, 400) || `The server refused the export (${reply.status}).`);
       return reply.blob();
