@@ -290,16 +290,6 @@ def test_a_press_alone_is_the_press(curves):
     assert (state.shear == 0).all()
 
 
-def test_nothing_is_extrapolated(curves):
-    """A press beyond the deepest, a shear beyond the farthest, and one under too light a press have no state."""
-    force = KnownBeams().press(np.array([[0.31], [0.21]]))["force"].value
-    assert np.isnan(curves.states(force, 0 * force).depth).all()
-    far = KnownBeams().shear(DEPTH, np.full((2, 2), 0.31))
-    assert np.isnan(curves.states(far["force_z"].value, far["force_x"].value).strain).all()
-    light = KnownBeams().shear(np.full((2, 1), 0.03), np.full((2, 1), 0.05))
-    assert np.isnan(curves.states(light["force_z"].value, light["force_x"].value).depth).all()
-
-
 # The search
 
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose, assert_array_equal
+from numpy.testing import assert_allclose
 
 from analytic import hall, lookup
 from geometry import design_digest
@@ -268,16 +268,6 @@ def test_a_table_is_read_back_for_its_own_sensor_only(run, tmp_path, capsys):
     (tmp_path / "t.json").write_text("{}")
     with pytest.raises(BadInput, match="is not a table"):
         lookup_table.read(tmp_path / "t.npy", paper())
-
-
-@pytest.mark.parametrize("plane", [(), ("--plane",)])
-def test_the_table_of_a_reversed_magnet_has_the_opposite_sign(run, tmp_path, plane):
-    for name, sets in (("down", ()), ("up", ("--set", "magnet_north=up"))):
-        assert run("table", "paper", "--step", 1, "--out", f"{name}.npy", *plane, *sets)[0] == 0
-    assert_array_equal(np.load(tmp_path / "up.npy"), -np.load(tmp_path / "down.npy"))
-    lookup_table.read(tmp_path / "up.npy", replace(paper(), magnet_north="up"))
-    with pytest.raises(BadInput, match="with magnet_north up where this design has magnet_north down"):
-        lookup_table.read(tmp_path / "up.npy", paper())
 
 
 # Bad input
