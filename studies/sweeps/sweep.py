@@ -66,7 +66,7 @@ def run(
     processes: Processes = Processes(),
     progress: Progress | None = None,
 ) -> Iterator[Columns]:
-    """Return the rows of a study in batches, tables of columns that come as soon as their paths are solved.
+    """Yield the rows of a study in batches, tables of columns that come as soon as their paths are solved.
 
     The last factor varies fastest; see `study_rows`. A case that cannot be solved has a row with NaN for its results,
     a status and a message. `solve` is the number of the path that a row comes from (0: none). `seconds` is the time
@@ -88,21 +88,6 @@ def run(
         raise BadInput(
             f"a sweep may have at most {MOST_CASES} cases; these axes give {plan.count}: take fewer values"
         )
-    return _run(plan, folder, store, processes, progress)
-
-
-@contextlib.contextmanager
-def opened(
-    plan: Plan, out: Path | None, progress: Progress, processes: Processes, store: Path | None = None
-) -> Iterator[Iterator[Columns]]:
-    """Yield the batches of a sweep's rows, see `run`; `store` is the store's file, default: the user's."""
-    with stores.opened(store or stores.default()) as states, atomic_files.results(out) as folder:
-        yield run(plan, folder, states, processes=processes, progress=progress)
-
-
-def _run(
-    plan: Plan, folder: Path | None, store: Store, processes: Processes, progress: Progress | None
-) -> Iterator[Columns]:
     cases = Cases(plan)
     name, other = ("sweep.parquet", "sweep.csv") if plan.count > LARGE else ("sweep.csv", "sweep.parquet")
     with contextlib.ExitStack() as stack:
@@ -124,6 +109,15 @@ def _run(
     if progress is not None:
         progress(1.0, f"{name} and sweep.png")
     pictures.draw(folder / "sweep.png")
+
+
+@contextlib.contextmanager
+def opened(
+    plan: Plan, out: Path | None, progress: Progress, processes: Processes, store: Path | None = None
+) -> Iterator[Iterator[Columns]]:
+    """Yield the batches of a sweep's rows, see `run`; `store` is the store's file, default: the user's."""
+    with stores.opened(store or stores.default()) as states, atomic_files.results(out) as folder:
+        yield run(plan, folder, states, processes=processes, progress=progress)
 
 
 def _batches(plan: Plan, cases: Cases, solves: Solves) -> Iterator[tuple[Columns, NDArray[np.int64]]]:
