@@ -27,9 +27,9 @@ UNDER, SHEARS = (0.06, 0.12, 0.25), (0.05, 0.15, 0.3)
 """Depths of the presses, depths under the shears, which are among them, and shears, over D."""
 ERRORS = ("press_force", "sinking", "press_under_shear", "shear_force", "shift", "tilt")
 """Quantities whose relative error is a column, as ladder.md.j2 defines it; one that does not apply is NaN."""
-MOTION = {"force_x": "force_x_N", "force_z": "force_N", "shift_x": "shift_x_mm", "shift_z": "shift_z_mm"}
-MOTION |= {"tilt": "tilt_rad"}
-UNITS = {"force": "N", "shift": "mm", "tilt": "rad"}
+MOTION = {"force_x_N": "force_x_N", "force_z_N": "force_N", "shift_x_mm": "shift_x_mm", "shift_z_mm": "shift_z_mm"}
+MOTION |= {"tilt_rad": "tilt_rad"}
+"""Columns of the table, and of the answers."""
 SIZES = ("design", "D_mm", "L_over_D", "magnet_diameter_over_D", "magnet_height_over_D")
 
 
@@ -56,9 +56,8 @@ def run(progress: Progress, accuracy: AccuracyName = "quick", count: Whole = 10,
     asked = cases.table((d, load, "rigid" if d.shape.has_magnet else "ignored") for _, d, load in states)
     models, quantities = [f"fem:{accuracy}", *beam.LEVELS], ["force", "shift", "tilt"]
     found = cases.answer(asked, models, quantities=quantities, store=store, progress=progress)
-    parts = [compare(states, found, level).assign(state=range(len(states))) for level in beam.LEVELS]
     # the levels of a state stand together
-    return result(pd.concat(parts).sort_values("state", kind="stable").drop(columns="state"))
+    return result(pd.concat(compare(states, found, level) for level in beam.LEVELS).sort_index(kind="stable"))
 
 
 def loads(design: Design) -> list[Load]:
@@ -70,13 +69,7 @@ def loads(design: Design) -> list[Load]:
 
 
 def compare(states: list[tuple[int, Design, Load]], found: pd.DataFrame, level: str) -> pd.DataFrame:
-    """Return a row for each state with motions and errors of a level; NaN where it or the finite elements have none.
-
-    Parameters
-    ----------
-    states : number of the design, design and load.
-    found : answers to them.
-    """
+    """Return motions and errors of a level in states, of which `found` are the answers; NaN where there are none."""
     place = pd.DataFrame(
         {
             "design": number,
@@ -91,9 +84,10 @@ def compare(states: list[tuple[int, Design, Load]], found: pd.DataFrame, level: 
         }
         for number, design, load in states
     )
-    columns = {f"{name}_{UNITS[name.partition('_')[0]]}": column for name, column in MOTION.items()}
-    one = pd.DataFrame({name: found[f"analytic_{level}_{column}"] for name, column in columns.items()})
-    fem = pd.DataFrame({name: found[f"fem_{column}"] for name, column in columns.items()})
+    one, fem = (
+        pd.DataFrame({name: found[f"{model}_{column}"] for name, column in MOTION.items()})
+        for model in (f"analytic_{level}", "fem")
+    )
     refused, lost = one.force_z_N.isna(), fem.force_z_N.isna()
     place["status"] = np.select([lost, refused], ["not_converged", "refused"], "ok")
     place["message"] = np.where(lost | refused, found["message"], "")
