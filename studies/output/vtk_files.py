@@ -51,7 +51,8 @@ def body_grid(solid: Body) -> Any:
     moved = spatial(solid.u)
     grid.points = grid.points + moved
     grid.point_data["displacement_mm"] = moved
-    grid.point_data["pressure_MPa"] = nodal_pressure(solid)
+    # the elements' unknown p is the mean stress, positive in tension
+    grid.point_data["pressure_MPa"] = at_all_nodes(solid.mesh, solid.vertices, -solid.p)
     grid.cell_data["region"] = np.zeros(solid.mesh.nelements, dtype=np.int64)
     return grid
 
@@ -80,16 +81,15 @@ def spatial(vectors: Any) -> Any:
     return np.insert(vectors, 1, 0.0, axis=1) if vectors.shape[1] == 2 else np.array(vectors, dtype=float)
 
 
-def nodal_pressure(body: Body) -> Any:
-    """Return the pressure at every node, shape (n,), MPa, positive in compression and linear along the edges."""
-    pressure = np.zeros(len(body.u))
-    # the elements' unknown p is the mean stress, positive in tension
-    pressure[body.vertices] = -body.p
-    nodes, corners = np.asarray(body.mesh.dofs.element_dofs), body.mesh.dim() + 1
+def at_all_nodes(mesh: skfem.Mesh, vertices: Any, values: Any) -> Any:
+    """Return values at the vertices (k,) at all nodes of a second-order mesh, shape (n,), linear along the edges."""
+    found = np.zeros(mesh.doflocs.shape[1])
+    found[vertices] = values
+    nodes, corners = np.asarray(mesh.dofs.element_dofs), mesh.dim() + 1
     ends = [(0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3)]
     for row, (a, b) in zip(nodes[corners:], ends, strict=False):
-        pressure[row] = (pressure[nodes[a]] + pressure[nodes[b]]) / 2
-    return pressure
+        found[row] = (found[nodes[a]] + found[nodes[b]]) / 2
+    return found
 
 
 def _save(path: str | Path, grid: Any) -> None:

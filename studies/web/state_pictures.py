@@ -41,6 +41,7 @@ from geometry.arrays import Array, Ints
 from geometry.design import Design
 from geometry.loads import Load, Magnet
 from studies.output.deformed_body import QUARTERS, SECTORS, Part, magnet_outline, outer_edges, revolved
+from studies.output.vtk_files import at_all_nodes
 
 DIGITS = 4
 """Decimals of coordinates, mm."""
@@ -149,7 +150,7 @@ def _sides(solution: Solution) -> tuple[Array, Array, Array, Array, Ints]:
         u, slope = angles.E[k] @ field.u.T, angles.V[k, :, 1] @ field.u.T
         rest.append(np.stack([s * x, z], axis=1))
         moved.append(np.stack([s * (x + u[0]), z + u[2]], axis=1))
-        pressure.append(-_at_all_nodes(field, nodes, field.p @ angles.C[k]))
+        pressure.append(at_all_nodes(field.mesh, field.vertices, -(field.p @ angles.C[k])))
         # a press has the same stretch on both sides
         repeated = k and solution.model == "axisymmetric"
         stretch.append(stretch[0] if repeated else _largest_stretch(field, nodes, u, slope))
@@ -160,15 +161,6 @@ def _sides(solution: Solution) -> tuple[Array, Array, Array, Array, Ints]:
 def fourier_fields(field: Field, theta: Array) -> angular_fields.Angles:
     """Return the fields of a section at angles (t,)."""
     return angular_fields.fields_at(theta, field.angles.harmonics, sines=field.angles.sines)
-
-
-def _at_all_nodes(field: Field, nodes: Ints, p: Array) -> Array:
-    """Return values at the vertices, linear in each triangle, at all nodes, shape (n,)."""
-    values = np.zeros(field.mesh.doflocs.shape[1])
-    values[field.vertices] = p
-    for middle, first, second in ((3, 0, 1), (4, 1, 2), (5, 0, 2)):
-        values[nodes[:, middle]] = (values[nodes[:, first]] + values[nodes[:, second]]) / 2
-    return values
 
 
 def _largest_stretch(field: Field, nodes: Ints, u: Array, slope: Array) -> Array:
