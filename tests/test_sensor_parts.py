@@ -339,7 +339,7 @@ def test_a_process_of_a_batch_that_dies_fails_its_variant_only(tmp_path, monkeyp
     )
     monkeypatch.setattr(worker_process, "COMMAND", (sys.executable, "-P", "-c", code))
     axes = {"L": [9.0, 10.0, 11.0, 12.0]}
-    records = list(design_variants.batch(paper(), axes, tmp_path / "parts", design_variants.silent, workers=2))
+    records = list(design_variants.batch(paper(), axes, tmp_path / "parts", lambda *_: None, workers=2))
     assert [row["status"] for row in records] == ["failed", "ok", "ok", "ok"]
     assert "exit code 7" in records[0]["message"]
 
@@ -354,5 +354,5 @@ def test_axes_that_change_no_solid_are_named():
 
 def test_variants_that_would_share_a_folder_are_refused(tmp_path):
     with pytest.raises(BadInput, match=r"^two variants would have the folder 'D8': give values that differ in six"):
-        next(design_variants.batch(paper(), {"D": [8.0, 8.0000001]}, tmp_path / "out", design_variants.silent))
+        next(design_variants.batch(paper(), {"D": [8.0, 8.0000001]}, tmp_path / "out", lambda *_: None))
     assert not list(tmp_path.iterdir())

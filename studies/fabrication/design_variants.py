@@ -128,10 +128,6 @@ def fabricate(job: Job) -> FlatRow:
 
     design, fields, folder, choices, command = job
     try:
-        return build(varied(design, fields), folder, silent, choices, picture=False, command=command)
+        return build(varied(design, fields), folder, lambda *_: None, choices, picture=False, command=command)
     except BadInput as error:
         return fabricated("bad_input", str(error), folder)
-
-
-def silent(fraction: float, text: str) -> None:
-    """Report no progress."""

@@ -42,6 +42,7 @@ Ranges = Mapping[str, tuple[float, float]]
 """Lowest and highest value of each input by its name."""
 LEVEL = 0.95
 """Confidence of the intervals."""
+ENDS = ((1 - LEVEL) / 2, (1 + LEVEL) / 2)
 RESAMPLES = 200
 """Number of bootstrap resamples of an output."""
 RESAMPLES_WITH_ERROR = 50
@@ -122,13 +123,13 @@ def indices(
     if not filled or not _varies(known):
         return _orders(ranges, *np.full((3, 2, d), np.nan))
     estimate, sampling = _resampled(ranges, filled[0], RESAMPLES, seed)
-    low, high = _interval(sampling)
+    low, high = np.quantile(sampling, ENDS, axis=1)
     with_errors = [
         _resampled(ranges, filling, RESAMPLES_WITH_ERROR, seed)[1]
         for filling in error_variants(ranges, filled[0], half_width, seed, error_lengths)
     ]
     if with_errors:
-        pooled = _interval(np.concatenate(with_errors, axis=1))
+        pooled = np.quantile(np.concatenate(with_errors, axis=1), ENDS, axis=1)
         low, high = np.minimum(low, pooled[0]), np.maximum(high, pooled[1])
     low, high = np.minimum(low, estimate), np.maximum(high, estimate)
     # the median half width over the standard deviation of the known outputs
@@ -220,11 +221,6 @@ def _resampled(ranges: Ranges, values: Array, resamples: int, seed: int) -> tupl
     return estimate, np.array([result["S1_conf_all"], result["ST_conf_all"]], dtype=np.float64)
 
 
-def _interval(resamples: Array) -> tuple[Array, Array]:
-    low, high = np.quantile(resamples, [(1 - LEVEL) / 2, (1 + LEVEL) / 2], axis=1)
-    return low, high
-
-
 def _pairwise_bounds(values: Array, d: int) -> tuple[Array, Array]:
     """Return the least and the largest indices, each of shape (2, d), over all fillings of failed points.
 
@@ -277,14 +273,22 @@ def effects(
     substitute : output of another model there, which replaces failed values in the estimate.
     """
     import pandas as pd
+    from SALib.analyze import morris
 
     values = np.where(np.isfinite(values), values, np.nan)
-    nothing = np.full(len(ranges), np.nan)
-    results = [_analysed(ranges, points, filled, seed) for filled in fillings(values, substitute)]
-    estimate = results[0] if results else dict.fromkeys(("mu_star", "mu_star_conf", "mu", "sigma"), nothing)
-    mu_star, half_width = estimate["mu_star"], estimate["mu_star_conf"]
-    least, most = _mu_star_bounds(ranges, points, values) if len(results) > 1 else (mu_star, mu_star)
-    sigmas = [result["sigma"] for result in results] or [nothing]
+    low, high = np.array(list(ranges.values()), dtype=np.float64).T
+    # an input of a step has exactly the same value as before
+    unit = np.round((points - low) / (high - low), 9)
+    options = {"num_resamples": MORRIS_RESAMPLES, "conf_level": LEVEL, "num_levels": LEVELS}
+    results: list[Mapping[str, Array]] = [
+        morris.analyze(_problem(ranges), unit, filled, **options, seed=np.random.default_rng(seed))
+        for filled in fillings(values, substitute)
+    ]
+    nothing = dict.fromkeys(("mu_star", "mu_star_conf", "mu", "sigma"), np.full(len(ranges), np.nan))
+    estimate, *others = results or [nothing]
+    mu_star, half_width = (np.asarray(estimate[name], dtype=np.float64) for name in ("mu_star", "mu_star_conf"))
+    least, most = _mu_star_bounds(unit, values) if others else (mu_star, mu_star)
+    sigmas = [each["sigma"] for each in (estimate, *others)]
     columns = {
         "mu_star": mu_star,
         "mu_star_low": np.maximum(np.minimum(mu_star, least) - half_width, 0.0),
@@ -297,31 +301,10 @@ def effects(
     return pd.DataFrame(columns, index=list(ranges))
 
 
-def _unit(ranges: Ranges, points: Array) -> Array:
-    """Return points in the unit cube, shape (n, d); an input of a step has exactly the same value as before."""
-    low, high = np.array(list(ranges.values()), dtype=np.float64).T
-    return np.asarray(np.round((points - low) / (high - low), 9))
-
-
-def _analysed(ranges: Ranges, points: Array, values: Array, seed: int) -> dict[str, Array]:
-    from SALib.analyze import morris
-
-    result = morris.analyze(
-        _problem(ranges),
-        _unit(ranges, points),
-        values,
-        num_resamples=MORRIS_RESAMPLES,
-        conf_level=LEVEL,
-        num_levels=LEVELS,
-        seed=np.random.default_rng(seed),
-    )
-    return {name: np.asarray(result[name], dtype=np.float64) for name in ("mu_star", "mu_star_conf", "mu", "sigma")}
-
-
-def _mu_star_bounds(ranges: Ranges, points: Array, values: Array) -> tuple[Array, Array]:
+def _mu_star_bounds(unit: Array, values: Array) -> tuple[Array, Array]:
     """Return the least and the largest mu* over all fillings of failed points, each of shape (d,)."""
-    d = len(ranges)
-    steps = np.diff(_unit(ranges, points).reshape(-1, d + 1, d), axis=1)
+    d = unit.shape[1]
+    steps = np.diff(unit.reshape(-1, d + 1, d), axis=1)
     rows = values.reshape(-1, d + 1)
     squares = squared_differences(rows[:, 1:], rows[:, :-1], np.nanmin(values), np.nanmax(values))
     # each step of a trajectory changes one input, so a sum over the steps picks the effect of each

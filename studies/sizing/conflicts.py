@@ -11,6 +11,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,7 @@ from geometry.bad_input import BadInput
 from geometry.messages import Progress
 from studies.cases import FiniteElements
 from studies.mechanics import surrogate_range
+from studies.output import page_templates
 from studies.output.records import FlatRow
 from studies.sizing.candidate_variables import Space
 from studies.sizing.catalogues import Catalogues
@@ -60,19 +62,9 @@ class Conflict:
 
     def sentence(self) -> str:
         """State the conflict, and what would have to give."""
-        if self.bounds:
-            return "; ".join(self.bounds)
-        text = f"none of {self.candidates} candidates meets all requirements"
-        if self.nearest is not None:
-            text += f"; the nearest one: {self.nearest.reason or 'by finite elements it meets all'}"
-        if not self.advices:
-            return f"{text}; no requirement was found that could give alone"
-        changes = [
-            f"{row['requirement']} {'rises' if row['to'] > row['value'] else 'falls'} to "
-            f"{amount(row['requirement'], row['to'])}"
-            for row in self.advices
-        ]
-        return f"{text}; a variant was found where {', or '.join(changes)}"
+        template = Path(__file__).with_name("conflict.j2")
+        (text,) = page_templates.sentences(template, "sentence", conflict=self, amount=amount)
+        return text
 
     def rows(self) -> list[FlatRow]:
         """Return a row for each requirement that could give, or that the nearest candidate misses."""

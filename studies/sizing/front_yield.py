@@ -123,9 +123,8 @@ _TEMPLATE = Path(__file__).with_name("YIELD.md.j2")
 
 
 def _records(table: pd.DataFrame) -> list[FlatRow]:
-    return [
-        {str(k): None if v != v else v for k, v in row.items()} for row in table.astype(object).to_dict("records")
-    ]
+    rows: list[FlatRow] = table.astype(object).where(table.notna(), None).to_dict("records")
+    return rows
 
 
 def tolerances_of(variant: Variant) -> dict[str, float]:

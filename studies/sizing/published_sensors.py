@@ -19,15 +19,22 @@ from studies.inputs.user_input import quantity, toml_table
 DATA = Path(__file__).with_name("published_sensors.toml")
 FOLDER = Path(__file__).resolve().parent.parent / "examples" / "sizing"
 """Folder of the files of requirements that are made from the boxes."""
-UNITS = {"range_z": "N", "range_x": "N", "resolution_z": "N", "resolution_x": "N", "outer_size": "mm", "height": "mm"}
-"""Quantities that are compared, with their units."""
+QUANTITIES = {
+    "range_z": ("N", "fem_range_z_N", 1.0),
+    "range_x": ("N", "fem_range_x_N", 1.0),
+    "resolution_z": ("N", "fem_resolution_z_mN", 1e-3),
+    "resolution_x": ("N", "fem_resolution_x_mN", 1e-3),
+    "outer_size": ("mm", "outer_size_mm", 1.0),
+    "height": ("mm", "height_mm", 1.0),
+}
+"""Quantities that are compared: unit, column of the front in sizing.json, and the factor to this unit."""
 ORIGINS = ("abstract", "paper", "recording", "derived", "assumed")
 """Where a figure was read; "derived" follows from figures that were read."""
 
 
 def published_sensors() -> list[dict[str, Any]]:
-    """Return the published sensors, as their tables state them: the figures in the unit of `UNITS`, and the path of
-    the file of requirements with the same box.
+    """Return the published sensors, as their tables state them: the figures in the unit of `QUANTITIES`, and the path
+    of the file of requirements with the same box.
 
     >>> [sensor["name"] for sensor in published_sensors()][:2]
     ['Chathuranga 2016', 'MagOne']
@@ -37,37 +44,31 @@ def published_sensors() -> list[dict[str, Any]]:
         sensor["requirements"] = FOLDER / sensor["requirements"]
         for figure in sensor["figures"]:
             name = figure["quantity"]
-            if name not in UNITS or figure["origin"] not in ORIGINS:
+            if name not in QUANTITIES or figure["origin"] not in ORIGINS:
                 raise BadInput(f"{DATA.name}: {sensor['name']}: {name} or {figure['origin']} is unknown")
-            figure["value"] = quantity(f"{sensor['name']}: {name}", figure["value"], UNITS[name])
+            figure["value"] = quantity(f"{sensor['name']}: {name}", figure["value"], QUANTITIES[name][0])
     return list(sensors)
 
 
 def comparison(reached: Mapping[str, Mapping[str, float]]) -> list[dict[str, Any]]:
     """Return a row for each published figure, beside what the sized variant reaches, if one meets the sensor's box.
 
-    reached : by the name of a sensor, the values of its variant by quantity, in the units of `UNITS`.
+    reached : by the name of a sensor, the values of its variant by quantity, in the units of `QUANTITIES`.
     """
     rows = []
     for sensor in published_sensors():
         variant = reached.get(sensor["name"], {})
         for figure in sensor["figures"]:
             name, value = figure["quantity"], variant.get(figure["quantity"], math.nan)
-            row = {"sensor": sensor["name"], "quantity": name, "unit": UNITS[name], "published": figure["value"]}
+            row = {
+                "sensor": sensor["name"],
+                "quantity": name,
+                "unit": QUANTITIES[name][0],
+                "published": figure["value"],
+            }
             row |= {"statistic": figure["statistic"], "origin": figure["origin"]}
             rows.append(row | {"variant": value if math.isfinite(value) else None})
     return rows
-
-
-COLUMNS = {
-    "range_z": ("fem_range_z_N", 1.0),
-    "range_x": ("fem_range_x_N", 1.0),
-    "resolution_z": ("fem_resolution_z_mN", 1e-3),
-    "resolution_x": ("fem_resolution_x_mN", 1e-3),
-    "outer_size": ("outer_size_mm", 1.0),
-    "height": ("height_mm", 1.0),
-}
-"""Columns of the front in sizing.json, with the factor to the unit of the quantity."""
 
 
 def reached_in(folder: Path) -> dict[str, dict[str, float]]:
@@ -84,7 +85,7 @@ def reached_in(folder: Path) -> dict[str, dict[str, float]]:
             front = json.loads(file.read_text("utf-8"))["front"]
             best = next((row for row in front if row["status"] == "ok"), None)
             if best is not None:
-                values = {name: (best[column], factor) for name, (column, factor) in COLUMNS.items()}
+                values = {name: (best[column], factor) for name, (_, column, factor) in QUANTITIES.items()}
                 reached[sensor["name"]] = {n: v * f for n, (v, f) in values.items() if v is not None}
         except (ValueError, KeyError, TypeError) as error:
             raise BadInput(f"{file} is no result of magtip size ({error!r}): run it again") from None

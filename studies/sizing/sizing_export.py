@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from geometry.messages import Progress
 from studies.inputs import user_input
-from studies.output import own_files
+from studies.output import own_files, page_templates
 from studies.output.atomic_files import write_text
 from studies.output.records import FlatRow
 
@@ -54,7 +54,8 @@ def export(variant: Variant, requirements: Requirements, folder: Path, progress:
     row = build(variant.design, folder / PARTS, progress, choices, command=command)
     recipe = folder / PARTS / RECIPE
     if row["status"] == "ok" and recipe.exists():
-        write_text(recipe, recipe.read_text("utf-8").rstrip("\n") + "\n\n" + parts_text(variant))
+        parts = page_templates.rendered(Path(__file__).with_name("PARTS.md.j2"), variant=variant)
+        write_text(recipe, recipe.read_text("utf-8").rstrip("\n") + f"\n\n{parts}\n")
     return row
 
 
@@ -77,18 +78,3 @@ def write_design(variant: Variant, requirements: Requirements, folder: Path) -> 
 
 def _line(name: str, value: object) -> str:
     return f"{name} = {json.dumps(value, ensure_ascii=False)}"
-
-
-def parts_text(variant: Variant) -> str:
-    """Return the section of the recipe that names the parts of the catalogue."""
-    magnet, silicone, part = variant.magnet, variant.silicone, variant.hall_part
-    return (
-        "## Parts\n\n"
-        f"- Magnet: {magnet.name}, {magnet.diameter:g} x {magnet.height:g} mm (+-{magnet.tolerance:g} mm), grade "
-        f"{magnet.grade}, remanence {magnet.remanence_low:g} to {magnet.remanence_high:g} T, up to "
-        f"{magnet.largest_temperature:g} °C. Source: {magnet.source}.\n"
-        f"- Silicone: {silicone.name}, mixed {silicone.mixed}; cured in {silicone.cure_hours:g} h at "
-        f"{silicone.cure_temperature:g} °C. E = {silicone.E_low:g} to {silicone.E_high:g} MPa. "
-        f"Source: {silicone.source}.\n"
-        f"- Hall part: {f'{part.count} x ' * (part.count > 1)}{part.name}. Source: {part.source}.\n"
-    )
