@@ -53,9 +53,6 @@ def test_friction():
     assert under(0.3, depth=0.0).force == (0, 0, 0)
 
 
-# The press of the formulas: exact to rounding, in few evaluations.
-
-
 # Critical loads of a column, and the table of them beside finite elements.
 
 

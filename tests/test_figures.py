@@ -130,9 +130,6 @@ def of(figure, **values):
     return data
 
 
-# comparisons and states
-
-
 # vibrations and loading cycles
 
 RESPONSE = parse("""
@@ -211,12 +208,6 @@ def test_failed_sensors_are_never_below():
     assert zeroed[uncertainty_figures.VALUE].tolist() == [0.1, 0.2, 0.3]
     assert zeroed[uncertainty_figures.BELOW].tolist() == [25, 50, 75]
     assert "1 failed" in figure.caption
-
-
-# studies that judge
-
-
-# the paper
 
 
 # Figures of sweeps over grids and samples: which rows and quantities, and which notes.
