@@ -131,13 +131,6 @@ def test_branches_that_miss_the_test_are_no_design(run, tmp_path):
     assert "no relaxation above its noise of 23 % (rms)" in err
 
 
-def test_bad_input_is_one_sentence(run, tmp_path):
-    file = table(tmp_path / "t.csv", "time,youngs_modulus_MPa", TIMES, SERIES.modulus(TIMES))
-    status, out, err = run("fit", file)
-    assert (status, out, len(err.splitlines())) == (2, "", 1)
-    assert run("fit", file, "--nu", 0.6)[0] == 2
-
-
 @pytest.mark.parametrize(("tau", "warned"), [(5.0, True), (30.0, False)])
 def test_a_branch_at_the_first_time_is_said_to_be_perhaps_shorter(run, strict, tmp_path, tau, warned):
     at = np.linspace(20, 24, 600)

@@ -56,14 +56,6 @@ def test_folder_without_results_is_refused(refusal, tmp_path):
     assert "holds no results of magtip" in refusal("report", tmp_path / "empty")
 
 
-def test_folder_of_a_newer_format_is_refused(refusal, folder):
-    (folder / "run.json").write_text('{"format": 99, "command": "", "made": "", "design": {}}')
-    err = refusal("report", folder)
-    assert "format 99" in err
-    assert "newer" in err
-    assert not (folder / "report.html").exists()
-
-
 def test_what_cannot_be_read_is_named_and_spoils_nothing(run, folder, strict):
     (folder / "broken.csv").write_text("a,b\n1,2,3\n")
     (folder / "press.csv").write_text("a,b\n1,2\n")
