@@ -261,8 +261,6 @@ def page(sizing: Sizing) -> str:
     ]
     failed = [point for point in sizing.front if point.status != "ok"]
     rows = [point.row() for point in sizing.front if point.status == "ok"]
-    level = sizing.settings.accuracy.name
-    worst = [] if sizing.winner is None else [_worst_load(row, level) for row in sizing.winner.worst]
     nearest = sizing.conflict.nearest if sizing.conflict else None
     # the requirements that decide
     least = sorted(margins, key=lambda name: margins[name])[:3]
@@ -275,24 +273,16 @@ def page(sizing: Sizing) -> str:
         front_heads={name: name for name in FRONT},
         failed=[{"point": each.number, **each.variant.row(), "reason": each.reason} for each in failed],
         differences=largest_differences(sizing.front),
-        worst=worst,
+        named=NAMED,
+        line=partial(solve_line, accuracy=sizing.settings.accuracy.name),
         costs=_costs(rows),
         alternatives=[point.row() for point in sizing.alternatives()],
         nearest=[]
         if nearest is None
         else [{"quantity": k, "value": v} for k, v in nearest.row().items() if v is not None and v == v],
-        nearest_worst=[] if nearest is None else [_worst_load(row, level) for row in nearest.worst],
+        nearest_worst=[] if nearest is None else nearest.worst,
         misses=[{"requirement": name, "margin, %": 100 * margins[name]} for name in least],
     )
-
-
-def _worst_load(row: FlatRow, level: str) -> FlatRow:
-    words, _, unit = NAMED[row["figure"]]
-    aside = f" with {row['force_x_N']:.4g} N at {row['direction_deg']:.0f} degrees" if row["force_x_N"] else ""
-    corner = f"E = {row['E_MPa']:.4g} MPa and a remanence of {row['remanence_T']:.4g} T"
-    text = f"{words} {row['value']:.3g} {unit} at {corner}, {row['force_z_N']:.4g} N{aside}"
-    said = f" ({row['message']})" if row.get("message") else ""
-    return {"text": text + said, "line": solve_line(row, level)}
 
 
 def _costs(rows: list[FlatRow]) -> list[FlatRow]:
