@@ -140,15 +140,6 @@ def coloured_parts(solids: FabricatedSolids) -> dict[str, tuple[Solid, str]]:
     return {name: (part, COLOURS.get(name, HALL_ELEMENT_COLOUR)) for name, part in parts.items()}
 
 
-def printed_parts(solids: FabricatedSolids) -> dict[str, Solid]:
-    """Return the parts that are printed, each as it stands on the printer's bed."""
-    from geometry.fabrication.printability import standing
-
-    on_bed = {"base": standing(solids.sensor["base"])} if solids.plan else {}
-    on_bed |= {name: standing(part, upside_down=name == "mold_a") for name, part in solids.mold.items()}
-    return on_bed
-
-
 def triangulated_parts(
     design: Design, choices: FabricationChoices, solids: FabricatedSolids
 ) -> dict[str, tuple[Solid, Any]]:
@@ -162,13 +153,13 @@ def triangulated_parts(
         See `geometry.fabrication.solid_files.facets`.
     """
     from geometry.fabrication import solid_files
+    from geometry.fabrication.printability import standing
 
-    not_printed = {name: part for name, part in solids.sensor.items() if name != "base"}
+    parts = {name: part for name, part in solids.sensor.items() if name != "base"}
+    parts |= {"base": standing(solids.sensor["base"])} if solids.plan else {}
+    parts |= {name: standing(part, upside_down=name == "mold_a") for name, part in solids.mold.items()}
     tolerance = facet_tolerance(design, choices)
-    return {
-        name: (part, solid_files.facets(name, part, tolerance))
-        for name, part in {**not_printed, **printed_parts(solids)}.items()
-    }
+    return {name: (part, solid_files.facets(name, part, tolerance)) for name, part in parts.items()}
 
 
 def facet_tolerance(design: Design, choices: FabricationChoices) -> float:

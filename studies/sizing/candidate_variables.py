@@ -206,12 +206,10 @@ class Candidates:
         """Return the places of the chips along x and y, shape (c, 2, n), mm, 0 for S1; where there are fewer than c,
         the first one is repeated."""
         radius, count = np.where(self.three, 0.0, self.places()[1]), self.hall_part("count")
-        at = np.zeros((count.max(initial=1), 2, len(self)))
-        for k in range(len(at)):
-            for number, places in CIRCLES.items():
-                rows = count == number
-                at[k][:, rows] = np.array(places[k if k < number else 0])[:, None] * radius[rows]
-        return at
+        most = count.max(initial=1)
+        table = {number: [places[k if k < number else 0] for k in range(most)] for number, places in CIRCLES.items()}
+        at = np.array([table[number] for number in count.tolist()]).reshape(len(self), most, 2)
+        return np.asarray(np.moveaxis(at, 0, -1) * radius)
 
     def beams(self) -> prediction.Beams:
         """Return the surrogate's answers for the beams."""
