@@ -347,7 +347,8 @@ def rails(elements: Sequence[Element]) -> Array:
     """
     null, gain, low, high = _values(elements, "null", "gain", "low", "high")
     slack = 1e-12 * (high - low)
-    return np.sort(((np.stack([low + slack, high - slack]) - null) / gain).T, axis=1)
+    # in rows, as those of a calibration: the search of poses is compiled for one order
+    return np.sort((np.column_stack([low + slack, high - slack]) - null[:, None]) / gain[:, None], axis=1)
 
 
 def at_rail(elements: Sequence[Element], field: Array) -> NDArray[np.bool_]:
