@@ -118,10 +118,11 @@ def answer(
     base : what the columns do not say; default: the paper's sensor. Its Hall elements keep their places in the base
         where L or D vary, unless `l0_mm` is a column.
     quantities : any of force, shift, tilt, contact_radius, strain, sideways_stiffness (over that of the unpressed
-        beam: of frictionless presses by finite elements), readings, decoded_force_error, critical_depth (with the
-        depth `stable_to_mm` to which the beam is stable), modes, response, cycle; critical depths are those of
-        frictionless presses, whatever the loads, by the finest finite elements. Default: force, shift,
-        contact_radius, readings (with a magnet), tilt (loads sideways).
+        beam: of frictionless presses by finite elements), readings, decoded_force_error, critical_depth, modes,
+        response, cycle. The last four are of the finest finite elements, and their columns have no model's name in
+        front; critical depths are those of frictionless presses, whatever the loads: `critical_depth_mm`,
+        `critical_depth_verdict` (buckles; stable down to `stable_to_mm`, where the search ends; or unknown) etc.
+        Default: force, shift, contact_radius, readings (with a magnet), tilt (loads sideways).
     reference : name of the model that errors are relative to; default: the finest finite elements.
     store : file that keeps all solved states, a path, or an open store; default: the user's.
     workers, scheduler : number of processes that solve (default: as many as pay), or address of a Dask scheduler;

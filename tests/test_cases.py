@@ -28,7 +28,7 @@ from studies.mechanics.solve_plan import Processes
 from studies.mechanics.study_cases import Cases, FemModel, Plan, Problem, varied
 from studies.mechanics.timed_quantities import PlateMotion
 from studies.sweeps import sweep
-from studies.sweeps.study_rows import flat_rows, with_critical
+from studies.sweeps.study_rows import critical_verdict, flat_rows, with_critical
 
 
 @pytest.fixture
@@ -177,6 +177,23 @@ def test_a_state_is_called_unstable_where_it_or_the_critical_depth_says_so(depth
     found, message = with_critical(status, critical, problem)
     assert found == judged
     assert text in message
+
+
+@pytest.mark.parametrize(
+    ("values", "message", "verdict"),
+    [
+        ({"critical_depth_over_D": 0.1, "stable_to_over_D": 0.1}, "", "buckles"),
+        ({"critical_depth_over_D": None, "stable_to_over_D": 0.3}, "", "stable"),
+        (
+            {"critical_depth_over_D": None, "stable_to_over_D": 0.3},
+            "the press does not converge beyond 2 mm",
+            "unknown",
+        ),
+        ({}, "not solved", "unknown"),
+    ],
+)
+def test_a_search_that_ended_early_leaves_unknown_whether_a_press_buckles(values, message, verdict):
+    assert critical_verdict(Answer(8.0, 1.0, None, "ok", message, 0.01, 0.0, values=values)) == verdict
 
 
 # Cases of a study: batches of any cut are the same cases, and codes tell apart what the mechanics depend on.

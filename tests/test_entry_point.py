@@ -208,7 +208,7 @@ def test_help_lists_the_verbs_in_groups_from_a_design_to_its_validation(run):
 def test_validate_lists_its_studies(run):
     listed = re.findall(r"^│ ([-\w]+)", run("validate")[1], re.MULTILINE)
     assert listed[:4] == ["verify", "friction", "extremes", "accuracy"]
-    assert set(listed) == {name.strip("_") for name in ACTIONS["Validation"]["validate"][2].split()}
+    assert set(listed) == {name.strip("_").replace("_", "-") for name in ACTIONS["Validation"]["validate"][2].split()}
 
 
 # Options, JSON keys and columns of version 0.2 (contract.json) are there: users' scripts depend on them.

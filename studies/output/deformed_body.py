@@ -51,7 +51,7 @@ def parts_of(grid: Any) -> dict[str, Part]:
         other = {name: mirrored(part) for name, part in half.items()}
         back, front = (half, other) if is_back else (other, half)
     else:
-        back, front = (_half(cells.clip((0.0, way, 0.0), (0.0, 0.0, 0.0)), size) for way in (-1.0, 1.0))
+        back, front = (_half(cells.clip((0.0, way, 0.0), origin=(0.0, 0.0, 0.0)), size) for way in (-1.0, 1.0))
     parts = {"back": back["skin"], "front": front["skin"], "cut": back["cut"]}
     return parts | ({"magnet": joined(back["magnet"], front["magnet"])} if "magnet" in back else {})
 

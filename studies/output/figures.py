@@ -372,7 +372,7 @@ def _cell_axis(data: pd.DataFrame, name: str, sort: str = "ascending") -> dict[s
 
     # cells without a value have a place, too
     values = list(dict.fromkeys(data[name])) if _is_named(data, name) else np.unique(data[name]).tolist()
-    texts = {} if _is_named(data, name) else {"labelExpr": "format(datum.value, '.3~g')"}
+    texts = {} if _is_named(data, name) else {"labelExpr": "format(datum.value, '~g')"}
     axis = alt.Axis(labelAngle=0, labelOverlap=True, ticks=False, **texts)
     scale = alt.Scale(domain=values if sort == "ascending" else values[::-1])
     return {"field": escaped(name), "type": "ordinal", "scale": scale, "sort": None, "axis": axis, "title": name}

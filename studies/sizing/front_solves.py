@@ -36,7 +36,6 @@ from studies.sizing.candidate_performance import LEAST, NO_SHEAR, Performance, m
 from studies.sizing.candidate_variables import Candidates, Variant
 from studies.sizing.sensor_arrays import sensors_of
 from studies.sizing.variant_search import RESOLUTION, dominated, objectives, spread
-from studies.sweeps.study_rows import NO_CRITICAL_DEPTH
 
 if TYPE_CHECKING:
     from studies.sizing.requirements import Requirements
@@ -108,8 +107,7 @@ class FemBeams:
             [(design, Load(depth=0.01 * design.D)) for design in self.designs], ["critical_depth"]
         )
         depth, stable = (answers[name].to_numpy() / self.D for name in ("critical_depth_mm", "stable_to_mm"))
-        # a search that stopped early says so instead
-        none = answers["message"].str.startswith(NO_CRITICAL_DEPTH).to_numpy(bool)
+        none = answers["critical_depth_verdict"].to_numpy() == "stable"
         return np.where(none, np.inf, depth), answers["critical_depth_error_estimate"].to_numpy(), stable
 
     def critical_depth(self) -> Quantity:

@@ -50,8 +50,6 @@ OF_STATES = {
 """Quantities that stored states say beside their response: names of the value and of its unit, and a factor."""
 POSE = ("shift_x_mm", "shift_y_mm", "shift_z_mm", "tilt_rad", "tilt_y_rad")
 """Columns that place the magnet."""
-NO_CRITICAL_DEPTH = "no critical depth"
-"""What the message of a search that found none begins with."""
 MOST_DECODERS = 16
 """Number of decoders that are kept, some MB each."""
 
@@ -363,14 +361,12 @@ def with_critical(status: str, critical: Answer, problem: Problem) -> tuple[str,
     The mesh of the critical depth is finer where the contact ends: it is the closer one, but a state that one of the
     two calls unstable is not called stable.
     """
-    depth, stable = (critical.values.get(f"{name}_over_D") for name in ("critical_depth", "stable_to"))
-    if problem.design is None or problem.load is None:
+    if problem.design is None or problem.load is None or critical_verdict(critical) == "unknown":
         return status, ""
-    D, load = problem.design.D, problem.load
+    D, load, depth = problem.design.D, problem.load, critical.values["critical_depth_over_D"]
     if depth is None:
-        if stable is None or critical.message:
-            return status, ""
-        return status, f"{NO_CRITICAL_DEPTH} down to {stable * D:.4g} mm, where the search ends"
+        stable = critical.values["stable_to_over_D"] * D
+        return status, f"no critical depth down to {stable:.4g} mm, where the search ends"
     presses = load.depth > 0 and load == Load(load.depth)
     if presses and status == "ok" and load.depth > depth * D:
         return "unstable", f"the press buckles sideways at {depth * D:.4g} mm, now it is {load.depth:g} mm deep"
@@ -398,6 +394,16 @@ def _of_problems(batch: Batch, value: Callable[[Design], float]) -> Array:
 # Critical depths, modes, vibrations, cycles
 
 
+def critical_verdict(critical: Answer) -> str:
+    """Return whether a press buckles sideways, or is stable to the end of the search; a search that ended before, or
+    failed, leaves it unknown.
+    """
+    if critical.values.get("critical_depth_over_D") is not None:
+        return "buckles"
+    whole = critical.values.get("stable_to_over_D") is not None and not critical.message
+    return "stable" if whole else "unknown"
+
+
 def _critical_columns(_: Plan, batch: Batch, answers: Sequence[Answer]) -> Columns:
     D = _of_problems(batch, lambda design: design.D)
     depth, force, stable = (
@@ -409,6 +415,9 @@ def _critical_columns(_: Plan, batch: Batch, answers: Sequence[Answer]) -> Colum
         "critical_depth_error_estimate": _of_answers(batch, [answer.error_estimate for answer in answers]),
         "critical_force_N": force * batch.E * D**2,
         "stable_to_mm": stable * D,
+        "critical_depth_verdict": np.array([critical_verdict(answer) for answer in answers], dtype=object)[
+            batch.problem
+        ],
     }
 
 
