@@ -24,6 +24,7 @@ from fem.equilibrium import solve
 from geometry.design import paper
 from geometry.loads import Load
 from studies.output.page_templates import rendered
+from studies.output.provenance import commit
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -233,10 +234,8 @@ def main(out, moves=1000):
 
 def in_words(**evidence):
     """The evidence as a page of Markdown, by the template beside this file; without `memory` the latencies only."""
-    command = ["git", "-C", str(ROOT), "describe", "--always", "--dirty", "--abbrev=7"]
-    commit = subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
     goals = {name: goal or "none" for name, *_, goal in DRAGS}
-    values = {"commit": commit, "goals": goals, "stages": STAGES, "memory": None}
+    values = {"commit": commit(), "goals": goals, "stages": STAGES, "memory": None}
     return rendered(Path(__file__).with_suffix(".md.j2"), **values | evidence)
 
 
