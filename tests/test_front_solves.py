@@ -124,6 +124,21 @@ def reached(variant, **options):
     return performance(sensors, sensors.beams(), NEEDED, **options)
 
 
+class Unsolved(FiniteElements):
+    """As where the solve of a worst load does not converge."""
+
+    def answers(self, *asked):
+        return pd.DataFrame({"fem_force_N": [np.nan], "message": ["no convergence"]})
+
+
+def test_a_point_whose_worst_load_is_not_solved_fails():
+    load = {"figure": "strain", "E_MPa": 0.5, "depth_mm": 1.0, "shear_mm": 0.0, "force_z_N": 5.0, "force_x_N": 0.0}
+    (point,) = (dataclasses.replace(one, variant=MADE, worst=[load]) for one in points([(10, 0.01, 20)]))
+    (found,) = ranked([point], NEEDED, Unsolved(QUICK, {}))
+    assert (found.status, found.rank) == ("failed", 0)
+    assert found.reason == "finite elements did not reach the load of the strain: no convergence"
+
+
 def row_of(result, name):
     return next(row for row in result.rows() if row["requirement"] == name)
 

@@ -311,13 +311,22 @@ def with_solved_loads(point: FrontPoint, needed: Requirements, fem: FiniteElemen
     """Return a point whose worst loads are solved by themselves, and its strain with its margin by these."""
     rows = [dict(row) for row in point.worst]
     design = point.variant.design
-    for _ in range(CORRECTED):
-        for row in rows:
-            load = Load(row["depth_mm"], row["shear_mm"], friction="stick" if row["shear_mm"] else "none")
-            model: Model = "harmonic" if row["shear_mm"] else "auto"
-            answer = fem.answers([(replace(design, E=row["E_MPa"]), load)], MOTIONS, model).iloc[0]
+    groups: list[tuple[Model, list[FlatRow]]] = [
+        ("auto", [row for row in rows if not row["shear_mm"]]),
+        ("harmonic", [row for row in rows if row["shear_mm"]]),
+    ]
+    for model, same in [group for group in groups if group[1]] * CORRECTED:
+        cases = [
+            (
+                replace(design, E=row["E_MPa"]),
+                Load(row["depth_mm"], row["shear_mm"], friction="stick" if row["shear_mm"] else "none"),
+            )
+            for row in same
+        ]
+        for row, answer in zip(same, fem.answers(cases, MOTIONS, model).to_dict("records"), strict=True):
             if np.isnan(answer["fem_force_N"]):
-                return point
+                reason = f"finite elements did not reach the load of the {row['figure']}: {answer['message']}"
+                return replace(point, status="failed", reason=reason)
             row["strain_percent"] = float(answer["fem_largest_strain_percent"])
             row["solved_force_z_N"] = float(answer["fem_force_N"])
             row["solved_force_x_N"] = float(answer.get("fem_force_x_N", 0.0))
