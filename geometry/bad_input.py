@@ -60,6 +60,18 @@ def closest(word: str, words: Iterable[str]) -> str | None:
     return next(iter(same or difflib.get_close_matches(word, known, n=1)), None)
 
 
+def words(name: str, text: str) -> str:
+    """Return a free text on one line; BadInput for one with letters that steer a terminal or that no file can hold.
+
+    >>> words("silicone", " Ecoflex\\n00-30 ")
+    'Ecoflex 00-30'
+    """
+    line = " ".join(text.split())
+    if not line.isprintable():
+        raise BadInput(f"{name} must be text that can be printed; got {text!r:.60}: leave out its control characters")
+    return line
+
+
 def quantity(default: float | None, unit: str, low: float, high: float, text: str = "", **about: Any) -> Any:
     """Return a dataclass field of a number from `low` to `high`, both included, in a unit ("1": a pure number).
 

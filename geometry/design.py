@@ -12,7 +12,7 @@ from operator import attrgetter
 from typing import Any, Self
 
 from geometry.bad_input import BadInput as BadInput
-from geometry.bad_input import in_range, nearest, no_effect, quantity
+from geometry.bad_input import in_range, nearest, no_effect, quantity, words
 from geometry.hall_chips import CHIPS, CIRCLES, OWN, HallChip, least_radius
 
 __all__ = ["PRESETS", "BadInput", "Design", "Shape", "paper"]
@@ -419,7 +419,7 @@ def _checked(spec: dataclasses.Field[Any], value: object) -> float | str:
             from geometry.relaxation import parse_branches
 
             parse_branches(value)
-        return " ".join(value.split())
+        return words(spec.name, value)
     return in_range(spec, value)
 
 

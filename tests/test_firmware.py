@@ -1,7 +1,9 @@
 """The exported decoder in C: answers of Python, warnings and sanitizers, a Cortex-M4F, sketches, and bad input."""
 
 import ctypes
+import dataclasses
 import json
+import re
 import shutil
 import subprocess
 
@@ -75,6 +77,16 @@ def library(chip, tmp_path_factory):
     loaded.set_up()
     call.loaded = loaded
     return call
+
+
+def test_neither_a_name_nor_a_folder_leaves_its_comment(firmware):
+    evil = "x */ static int evil = 42; /*"
+    hostile = dataclasses.replace(firmware, design=Design(silicone=evil), source=evil)
+    header = decoder_export.header(hostile, f"magtip firmware --out '{evil}\n*/'")
+    assert header.count("static int evil") == 3
+    code = re.sub(r"/\*.*?\*/", "", header, flags=re.DOTALL)
+    assert "evil" not in code
+    assert "*/" not in code
 
 
 @pytest.mark.parametrize("compiler", [pytest.param(name, marks=needs(name)) for name in ("gcc", "clang")])

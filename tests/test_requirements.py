@@ -10,8 +10,10 @@ import pytest
 from analytic.parts import of_design
 from geometry.base import Base, plan
 from geometry.design import Design
+from studies.inputs.user_input import read_design
 from studies.output.goals import Goal, failures
-from studies.sizing.candidate_variables import Space
+from studies.sizing import sizing_export
+from studies.sizing.candidate_variables import Space, Variant
 from studies.sizing.catalogues import catalogues_of, read_catalogue
 from studies.sizing.conflicts import demand, impossible
 from studies.sizing.published_sensors import published_sensors, reached_in
@@ -272,6 +274,18 @@ def test_shipped_parts_make_designs(parts):
         assert Design(**part.fields()).hall_layout == part.layout
     for silicone in parts.silicones:
         assert Design(**silicone.fields()).E == silicone.E
+
+
+def test_the_design_file_of_a_variant_holds_whatever_its_parts_are_called(parts, tmp_path):
+    """A name ends no comment and no string."""
+    evil = 'x"\nevil = 1 # `*| \\\\'
+    magnet, part, silicone = (
+        dataclasses.replace(kind[0], name=evil) for kind in (parts.magnets, parts.hall_parts, parts.silicones)
+    )
+    design = Design(D=9.0, L=11.0, l0=9.0, **magnet.fields(), **part.fields(), **silicone.fields())
+    sizing_export.write_design(Variant(design, magnet, part, silicone), Requirements(force_z=1.0), tmp_path)
+    read = read_design(str(tmp_path / sizing_export.DESIGN))
+    assert (read.silicone, read.D) == (design.silicone, 9.0)
 
 
 GRADE = '[[grade]]\nname = "N38"\nremanence = ["1220 mT", 1.26]\n'

@@ -160,7 +160,7 @@ def test_a_missed_and_an_unsolved_target_fail_and_say_so(monkeypatch, tmp_path, 
     assert "no convergence" in said.out
     report = (tmp_path / "VERIFY.md").read_text("utf-8")
     assert "1 of 3 targets are met" in report
-    assert report.count("**fail**") == 2
+    assert report.count("| fail") == 2
     assert (tmp_path / "verify.csv").read_text("utf-8").count("\n") == 4
 
 

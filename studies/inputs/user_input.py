@@ -19,6 +19,7 @@ from geometry.bad_input import nearest, no_effect
 from geometry.design import PRESETS, BadInput, Design, paper
 from geometry.loads import Magnet
 from studies.output import console
+from studies.output.literals import toml
 
 AccuracyName = Literal["quick", "standard", "fine"]
 Value = float | str
@@ -258,10 +259,7 @@ def design_text(design: Design) -> str:
     D = 10.0
     law = "yeoh"
     """
-    lines = ['base = "paper"']
-    for name, value in changed_fields(design).items():
-        lines.append(f'{name} = "{value}"' if isinstance(value, str) else f"{name} = {value!r}")
-    return "\n".join(lines) + "\n"
+    return "\n".join(toml({"base": "paper", **changed_fields(design)})) + "\n"
 
 
 # Numbers with units

@@ -9,6 +9,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+from studies.output import literals
 from studies.output.text_tables import cell, markdown, shown
 
 
@@ -38,13 +39,16 @@ def listed(lines: Iterable[str], nothing: str = "None.") -> str:
 @functools.cache
 def _environment(folder: Path) -> Any:
     """Return the templates, with the filters `table`, `cell`, `listed`, `shown` of a number as the terminal shows it,
-    and `f`, which formats as Python does.
+    `f`, which formats as Python does, and for a user's texts `md`, `code` (of Markdown) and `comment` (of C).
+
+    A template of HTML escapes by itself.
     """
     import jinja2
 
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(folder),
         undefined=jinja2.StrictUndefined,
+        autoescape=jinja2.select_autoescape(["html.j2"], default_for_string=False),
         trim_blocks=True,
         lstrip_blocks=True,
     )
@@ -54,6 +58,9 @@ def _environment(folder: Path) -> Any:
         "listed": listed,
         "shown": functools.partial(shown, ""),
         "f": format,
+        "md": literals.in_markdown,
+        "code": literals.as_code,
+        "comment": literals.in_comment,
     }
     environment.tests["finite"] = math.isfinite
     return environment

@@ -17,6 +17,7 @@ from typing import Any
 
 from geometry.design import BadInput
 from studies.output import atomic_files
+from studies.output.literals import as_code
 
 NAME = "run.json"
 """Name of the file in a folder."""
@@ -108,7 +109,7 @@ def made(command: str, origin: str) -> str:
     >>> made("magtip validate verify --quick", "on Python 3.12"), made("", "on Python 3.12")
     ('Made with `magtip validate verify --quick`, on Python 3.12.', 'Made on Python 3.12.')
     """
-    return f"Made with `{command}`, {origin}." if command else f"Made {origin}."
+    return f"Made with {as_code(command)}, {origin}." if command else f"Made {origin}."
 
 
 def origin_in(page: str) -> str:

@@ -12,6 +12,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from studies.output.literals import in_markdown, one_line
+
 UNITS = {
     "mm": ("mm", 1.0),
     "mm3": ("mm³", 1.0),
@@ -185,7 +187,7 @@ def wrapped(text: str, width: int | None) -> list[str]:
     ['0.5, 0,', '4.149']
     """
     # a path may contain control characters, which would disturb the table
-    clean = "".join(letter if letter.isprintable() else "?" for letter in text)
+    clean = one_line(text)
     if width is None or len(clean) <= width:
         return [clean]
     return textwrap.wrap(clean, max(width, 1), break_on_hyphens=False) or [""]
@@ -277,7 +279,10 @@ def markdown(
     if not rows:
         return nothing
     heads = heads or {name: name for name in rows[0]}
-    lines = [list(heads.values()), *([cell(row.get(name), digits) for name in heads] for row in rows)]
+    lines = [
+        list(map(in_markdown, heads.values())),
+        *([cell(row.get(name), digits) for name in heads] for row in rows),
+    ]
     first, *rest = (f"| {' | '.join(line)} |" for line in lines)
     return "\n".join([first, f"|{'---|' * len(heads)}", *rest])
 
@@ -288,7 +293,7 @@ def cell(value: Any, digits: int = 3) -> str:
         return ""
     if isinstance(value, bool):
         return "yes" if value else "**no**"
-    return f"{value:.{digits}g}" if isinstance(value, float) else str(value).replace("|B|", "\\|B\\|")
+    return f"{value:.{digits}g}" if isinstance(value, float) else in_markdown(value)
 
 
 AXIS_UNITS = {

@@ -21,6 +21,7 @@ from geometry.messages import Progress
 from geometry.relaxation import branches_text, range_text
 from studies.output.atomic_files import write_text
 from studies.output.figures import Figure, Guide, Look, plot, save
+from studies.output.literals import one_line, toml
 from studies.output.records import FlatRow
 from studies.output.result import Block, Result, Table, Texts
 from studies.simulation import branch_regression, law_regression, material_tests
@@ -59,8 +60,7 @@ def _texts(record: FlatRow) -> FlatRow:
 def _design_file(path: str, rms: str, command: str, lines: Sequence[str]) -> str:
     head = [f"# fitted to {Path(path).name}: rms residual {rms}", f"# by {command}"]
     # a comment cannot contain the end of a line, which the name of a file can
-    clean = ["".join(letter if letter.isprintable() else "?" for letter in line) for line in head]
-    return "\n".join([*clean, *lines, ""])
+    return "\n".join([*map(one_line, head), *lines, ""])
 
 
 # Laws of a uniaxial test
@@ -85,9 +85,7 @@ def laws(path: str, nu: float, asked: str | None, command: str, progress: Progre
     files = {"fit.png": partial(_draw_laws, data=data, fits=fits, nu=nu)}
     for each in chosen:
         values = {"E": each["E_MPa"], "nu": nu, "law": each["law"], **each["numbers"]}
-        lines = [
-            f'{key} = "{value}"' if isinstance(value, str) else f"{key} = {value!r}" for key, value in values.items()
-        ]
+        lines = toml(values)
         rms = f"{each['rms_percent']:.3g} % of the largest stress"
         files["design.toml"] = partial(write_text, text=_design_file(path, rms, command, lines))
     return Result(
@@ -169,7 +167,7 @@ def branches(
     if not unusable:
         # E at rest, if it is known
         lines = [f"E = {chosen.long_term:.6g}", f"nu = {nu!r}"] if test.has_modulus else []
-        lines += ['modulus = "long-term"', f'prony = "{branches_text(chosen.relaxation)}"']
+        lines += toml({"modulus": "long-term", "prony": branches_text(chosen.relaxation)})
         text = _design_file(path, f"{100 * chosen.rms:.3g} %", command, [f"# the {speaks}", *lines])
         files["design.toml"] = partial(write_text, text=text)
         shown += ["Lines for a design file:", *(f"  {line}" for line in lines)]

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
-from geometry.bad_input import nearest
+from geometry.bad_input import nearest, words
 from geometry.design import HALL_LAYOUTS, LEAST_WALL, BadInput
 from geometry.hall_chips import CHIPS, OWN, HallChip
 from studies.fabrication.sensor_solids import Mix
@@ -262,11 +262,11 @@ def _value(where: str, value: object, key: Key) -> Any:
     if key.unit == "text":
         if not isinstance(value, str) or not value.strip():
             raise BadInput(f"{where} must be a text; got {value!r:.60}")
-        return value
+        return words(where, value)
     if key.unit == "names":
         if not isinstance(value, list) or not all(isinstance(name, str) for name in value):
             raise BadInput(f"{where} must be a list of names; got {value!r:.60}")
-        return tuple(value)
+        return tuple(words(where, name) for name in value)
     if key.count == 1:
         return quantity(where, value, key.unit, key.low, key.high)
     ends = ENDS[key.count] if not where.endswith("body") else "[width, height, thickness]"

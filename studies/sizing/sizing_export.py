@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,6 +10,7 @@ from geometry.messages import Progress
 from studies.inputs import user_input
 from studies.output import own_files, page_templates
 from studies.output.atomic_files import write_text
+from studies.output.literals import literal, one_line, toml
 from studies.output.records import FlatRow
 
 if TYPE_CHECKING:
@@ -61,20 +61,16 @@ def export(variant: Variant, requirements: Requirements, folder: Path, progress:
 
 def write_design(variant: Variant, requirements: Requirements, folder: Path) -> None:
     """Write the design file: all fields that are no defaults, how the sensor is made, and what was required."""
-    lines = [
+    head = [
         f"# magnet: {variant.magnet.name}",
         f"# silicone: {variant.silicone.name}, E = {variant.silicone.E_low:g} to {variant.silicone.E_high:g} MPa",
         f"# Hall part: {f'{variant.hall_part.count} x ' * (variant.hall_part.count > 1)}{variant.hall_part.name}",
     ]
     unused = variant.design.unused_fields()
     fields = user_input.changed_fields(variant.design)
-    lines += [_line(name, value) for name, value in fields.items() if name not in unused]
-    lines += ["", "[fabrication]", _line("process", requirements.process)]
-    lines += [f"base = {{ {_line('shape', requirements.outer_shape)} }}", "", "[requirements]"]
+    lines = [*map(one_line, head), *toml({name: value for name, value in fields.items() if name not in unused})]
+    lines += ["", "[fabrication]", *toml({"process": requirements.process})]
+    lines += [f"base = {{ shape = {literal(requirements.outer_shape)} }}", "", "[requirements]"]
     rows = [row for row in requirements.rows() if row["state"] == "set"]
-    lines += [f"{_line(row['requirement'], row['value'])}  # {row['unit']}" for row in rows]
+    lines += [f"{row['requirement']} = {literal(row['value'])}  # {row['unit']}" for row in rows]
     write_text(folder / DESIGN, "\n".join(lines) + "\n")
-
-
-def _line(name: str, value: object) -> str:
-    return f"{name} = {json.dumps(value, ensure_ascii=False)}"

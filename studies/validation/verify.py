@@ -55,7 +55,7 @@ def run(progress: Progress, *, quick: bool = False) -> Result:
     for i, target in enumerate(chosen):
         rows += evaluate(target, i / len(chosen), progress)
     printed = [row | {name: cell(row[name], 6) for name in PRECISE} for row in rows]
-    shown = [row | {"": "pass" if row["passed"] else f"**fail** {row['message']}".strip()} for row in printed]
+    shown = [row | {"": "pass" if row["passed"] else f"fail {row['message']}".strip()} for row in printed]
     missed = [f"{row['target']} ({row['quantity']})" for row in rows if not row["passed"]]
     look = {"brief": DETAILS, "first": ("target", "quantity", "computed", "published", "passed")}
     failures = pages.failed(missed, len(rows), "targets are missed", ", ")

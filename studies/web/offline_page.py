@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import base64
 import gzip
-import html
 import json
 import re
 from collections.abc import Mapping
@@ -182,7 +181,7 @@ def page(design: Design, stops: Stops, states: list[list[Data]]) -> str:
         },
     }
     known = sum("error" not in one for row in states for one in row[1:])
-    sensor = html.escape(state_exports.sensor_name(design))
+    sensor = state_exports.sensor_name(design)
     counts = {"presses": len(states) - 1, "sheared": known}
     about = rendered(PAGE / "fixed_design.html.j2", sensor=sensor, level=LEVEL, stops=stops, **counts)
     text = (PAGE / INDEX).read_text(encoding="utf-8")

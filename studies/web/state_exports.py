@@ -21,6 +21,7 @@ from geometry.design import BadInput, Design
 from geometry.loads import Load
 from studies.inputs.user_input import FIELDS, changed_fields
 from studies.mechanics.worker_process import WorkerDied, processes
+from studies.output.literals import literal
 from studies.output.page_templates import rendered
 from studies.web.explorer_state import OPENING_DEPTH, ExplorerState, plain
 
@@ -109,7 +110,7 @@ def line(verb: str, state: ExplorerState, options: dict[str, Any]) -> str:
 def python(state: ExplorerState) -> str:
     """Return the lines of Python that solve for the state, read the Hall elements, and vibrate where it has rates."""
     fields = "".join(f", {name}={_literal(value)}" for name, value in changed_fields(state.design).items())
-    magnet = "" if state.magnet == "rigid" else f', magnet="{state.magnet}"'
+    magnet = "" if state.magnet == "rigid" else f", magnet={literal(state.magnet)}"
     values = {"fields": fields, "has_magnet": state.design.shape.has_magnet, "magnet": magnet}
     values |= {"accuracy": state.level.upper(), "load": _load_source(state.load)}
     values |= {"frequency": state.frequency and plain(state.frequency), "about": _load_source(state.vibrating_load)}
@@ -154,7 +155,7 @@ def _load_source(load: Load) -> str:
 
 
 def _literal(value: float | str | None) -> str:
-    return f'"{value}"' if isinstance(value, str) else "None" if value is None else plain(value)
+    return literal(value) if isinstance(value, str) else "None" if value is None else plain(value)
 
 
 async def mold(state: ExplorerState) -> bytes:
