@@ -14,7 +14,7 @@ from fem.scene import Scene
 from fem.solve.load_increments import watched
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load
-from studies.web import explorer_answers, time_answers
+from studies.web import explorer_answers, state_answers, time_answers
 from studies.web.explorer_answers import Answers, KeptPaths
 from studies.web.explorer_state import request_of
 from studies.web.time_answers import rate
@@ -219,3 +219,15 @@ def test_an_elastic_silicone_is_as_stiff_as_at_rest():
 @pytest.mark.parametrize("frequency", [0.0, 1e4])
 def test_nothing_is_said_without_a_frequency_or_beyond_the_branches(frequency):
     assert rate(paper(), frequency) is None
+
+
+def test_the_decoded_force_has_the_errors_of_the_decoder_in_its_half_width():
+    design, load = paper(), Load(depth=0.8, shear_x=0.3, friction="stick")
+    decoder, response = state_answers.build_decoder(design), solve(design, load, COARSE).response
+    errors = decoder.mechanics.errors
+    exact, unsure = (
+        state_answers.decoded(decoder, response, {"shift": [own] * 3})["half_width"] for own in (0, 1e-3)
+    )
+    assert min(exact) > 0
+    assert exact == pytest.approx([errors[1], errors[1], errors[2]])
+    assert all(one > own for one, own in zip(unsure, exact, strict=True))

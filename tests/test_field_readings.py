@@ -2,6 +2,7 @@
 
 import csv
 import json
+import os
 from dataclasses import replace
 
 import numpy as np
@@ -246,6 +247,15 @@ def test_an_interrupted_table_goes_on(run, strict, tmp_path, monkeypatch):
     assert (status, strict(out)[0]["resumed"]) == (0, 16)
     assert (tmp_path / "t.npy").read_bytes() == (tmp_path / "whole.npy").read_bytes()
     assert [file.name for file in tmp_path.glob(".*")] == [own_files.LIST]
+    # a part that lacks a byte of what its note counts is written anew
+    monkeypatch.setattr(lookup, "slab", stop)
+    run(*command, "t.npy")
+    part, note = (tmp_path / f".t.npy.part{end}" for end in ("", ".json"))
+    counted = json.loads(note.read_text())
+    os.truncate(part, counted["offset"] + counted["done"] * 8 * 25 * 13 * 3 - 1)
+    monkeypatch.setattr(lookup, "slab", slab)
+    assert strict(run(*command, "t.npy")[1])[0]["resumed"] == 0
+    assert (tmp_path / "t.npy").read_bytes() == (tmp_path / "whole.npy").read_bytes()
 
 
 def test_a_table_is_read_back_for_its_own_sensor_only(run, tmp_path, capsys):

@@ -242,6 +242,20 @@ def test_intervals_cover_the_truth_at_their_level(share):
     assert 0.935 < covered < 0.98
 
 
+@pytest.mark.parametrize("share", [0.05, 0.5, 0.95])
+def test_the_ends_of_an_interval_have_the_ranks_of_the_binomial_distribution(share):
+    """Beyond each end lies the truth in 2.5 % of all samples at most, and in more if the end moves one rank in."""
+    from scipy.stats import binom
+
+    _, low, high = percentile(np.arange(1.0, 301.0), share)
+    assert binom.cdf(low - 1, 300, share) <= 0.025 < binom.cdf(low, 300, share)
+    assert binom.sf(high - 1, 300, share) <= 0.025 < binom.sf(high - 2, 300, share)
+    # failed members count as lowest for the lower end, as highest for the upper one
+    _, other_low, other_high = percentile(np.append(np.arange(1.0, 291.0), [np.nan] * 10), share)
+    assert other_low == (low - 10 if low > 10 else -np.inf)
+    assert other_high == (high if high <= 290 else np.inf)
+
+
 # Decoded readings of built sensors
 
 

@@ -3,6 +3,7 @@
 import math
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from fem.model import material
@@ -10,7 +11,7 @@ from fem.model.plate_contact import SECTION_KAPPA
 from geometry.bad_input import SolveFailed
 from studies.cli import entry_point
 from studies.output.result import FAILED, GOOD
-from studies.validation import manufactured_solutions, motion_problems, static_problems, verify
+from studies.validation import manufactured_solutions, motion_problems, pages, static_problems, verify
 
 QUICK = {target["name"]: target for target in verify.targets(quick=True)}
 BONDED = "clamped cylinder, bonded base, nu = 0.4998"
@@ -139,8 +140,9 @@ def test_richardson_recovers_a_power_law_and_gives_up_where_the_meshes_tell_noth
 
 
 def pose(monkeypatch, problems, meshes):
-    """Let `verify` have these problems, whose one quantity is 1 within 0.1."""
+    """Let `verify` have these problems, whose one quantity is 1 within 0.1, and expect none to be missed."""
     rows = []
+    monkeypatch.setattr(pages, "EXPECTED", {})
     for name, solve in problems.items():
         monkeypatch.setattr(static_problems, name, solve, raising=False)
         rows.append({"name": name, "source": "me", "solve": name, "quantities": [["q", 1.0, 0.1]], "meshes": meshes})
@@ -168,6 +170,40 @@ def test_all_met_is_status_zero(monkeypatch, capsys):
     pose(monkeypatch, {"good": lambda n: 1 + n**-2.0}, meshes=[4, 8, 16])
     assert entry_point.main(["validate", "verify"]) == GOOD
     assert "good" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("expected", "status", "said"),
+    [
+        ({"missed (q)": 20.5}, GOOD, "all misses are expected"),
+        ({"missed (q)": 22}, FAILED, "the expected misses changed: missed (q) is 20"),
+        ({"missed (q)": 20, "good (q)": 11}, FAILED, "the expected misses changed: good (q) is met"),
+        ({"good (q)": 11}, FAILED, "the expected misses changed: missed (q) is missed; good (q) is met"),
+    ],
+)
+def test_just_the_expected_misses_are_status_zero(monkeypatch, capsys, expected, status, said):
+    pose(monkeypatch, {"good": lambda n: 1.0, "missed": lambda n: 1.2}, meshes=[1])
+    monkeypatch.setattr(pages, "EXPECTED", {"verify": {"full": expected}})
+    assert entry_point.main(["validate", "verify"]) == status
+    err = capsys.readouterr().err
+    assert "1 of 2 targets are missed: missed (q)" in err
+    assert said in err
+
+
+def test_a_miss_that_is_unknown_is_another_one_than_a_number(monkeypatch):
+    monkeypatch.setattr(pages, "EXPECTED", {"s": {"quick": {"a": math.nan, "b": 1.0}}})
+    assert "failures" not in pages.against_expected("s", "quick", {"a": math.nan, "b": 1.0}, ["2 missed"])
+    changed = pages.against_expected("s", "quick", {"a": 1.0, "b": math.nan}, ["2 missed"])
+    assert changed["failures"][-1].endswith("a is 1; b is nan")
+    # without a goal nothing was measured, which no list excuses
+    assert pages.against_expected("other", "quick", {}, ["nothing"])["failures"] == ["nothing"]
+
+
+def test_a_percentile_is_the_least_value_that_the_share_does_not_exceed():
+    values = pd.Series([*RNG.normal(size=40), math.nan])
+    for percent in (50, 90, 95, 100):
+        found = pages.percentile(values, percent)
+        assert 100 * (values <= found).sum() / 40 >= percent > 100 * (values < found).sum() / 40
 
 
 def test_linear_overstresses_have_steps_of_negative_dissipation_at_large_strain_only():

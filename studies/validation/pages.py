@@ -1,6 +1,7 @@
 """Tables and pages of the studies of validation: one writer for all of them, words in `templates`."""
 
 import math
+import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
@@ -21,6 +22,13 @@ Case = TypeVar("Case")
 Row = dict[str, Any]
 """A row of a table: values by the names of their columns, with units."""
 TEMPLATES = Path(__file__).parent / "templates"
+Misses = Mapping[str, float]
+"""Values of what is missed by the names of goals or checks, NaN where nothing was measured."""
+EXPECTED: Mapping[str, Mapping[str, Misses]]
+EXPECTED = tomllib.loads(Path(__file__).with_name("expected_misses.toml").read_text("utf-8"))
+"""Misses that are known, by study and run, quick or full."""
+CHANGE = 0.05
+"""Largest relative change of the value of a known miss."""
 
 
 def records(table: pd.DataFrame) -> list[Row]:
@@ -46,6 +54,25 @@ def failed(names: Sequence[str], count: int, what: str, between: str = "; ") -> 
     return [f"{len(names)} of {count} {what}: {between.join(names)}"] if names else []
 
 
+def against_expected(study: str, run: str, misses: Misses, said: Sequence[str]) -> Row:
+    """Return what a run says of its misses, as fields of `Result`: remarks if just the expected ones are there.
+
+    Any change is a failure: a new miss, another value, and an expected miss that is met.
+    """
+    expected = EXPECTED.get(study, {}).get(run, {})
+    changes = [f"{name} is missed" for name in misses if name not in expected]
+    changes += [f"{name} is met" for name in expected if name not in misses]
+    for name, value in misses.items():
+        known = expected.get(name, value)
+        if not (math.isclose(value, known, rel_tol=CHANGE) or (math.isnan(value) and math.isnan(known))):
+            changes.append(f"{name} is {value:.3g}")
+    if misses and not changes:
+        return {"remarks": [*said, "all misses are expected"]}
+    if expected and changes:
+        return {"failures": [*said, f"the expected misses changed: {'; '.join(changes)}"]}
+    return {"failures": said}
+
+
 def told(progress: Progress, chosen: Sequence[Case], name: Callable[[Case], str]) -> Iterator[Case]:
     for i, case in enumerate(chosen):
         progress(i / len(chosen), name(case))
@@ -60,17 +87,21 @@ def study(
     printed: Sequence[Row] | None = None,
     look: Mapping[str, Any] = {},
     goals: Sequence[Goal] | None = None,
+    run: str = "full",
     **more: Any,
 ) -> Result:
     """Return the result of a study: rows in NAME.csv, and NAME.md from its template and the values of `page`.
 
     The terminal shows the table `printed` (default: the rows) with the fields `look`. Goals are values of the page
-    (`verdict`, `goals` and those that are `missed`), and failures where they are missed. `more` are fields of
-    `Result`.
+    (`verdict`, `goals` and those that are `missed`), and failures where they are missed and that is not expected of
+    the `run`, quick or full. `more` are fields of `Result`.
     """
     if goals is not None:
-        page = {"verdict": verdict(goals), "goals": goals, "missed": missed(goals)} | dict(page)
-        more = {"failures": failures(goals)} | more
+        lost = missed(goals)
+        page = {"verdict": verdict(goals), "goals": goals, "missed": lost} | dict(page)
+        misses = {goal.name: math.nan if goal.value is None else goal.value for goal in lost}
+        found = against_expected(name, run, misses, failures(goals))
+        more = found | more | {"remarks": [*found.get("remarks", ()), *more.get("remarks", ())]}
     shown = [Table(title=title, rows=rows if printed is None else printed, **look)]
     text = {f"{name.upper()}.md": rendered(f"{name}.md.j2", **page)}
     return Result(title=title, pages=text, **({"records": rows, "shown": shown, "tables": {name: rows}} | more))

@@ -67,7 +67,7 @@ def cases(*, quick: bool = False) -> list[Case]:
 
 
 def run(progress: Progress, *, quick: bool = False) -> Result:
-    """Compare error estimates of vibrations with a much finer mesh; exit status 3 if a goal is missed.
+    """Compare error estimates of vibrations with a much finer mesh; exit status 3 if a goal is missed unexpectedly.
 
     Nothing of a run that was stopped is kept: start it again.
 
@@ -87,7 +87,7 @@ def run(progress: Progress, *, quick: bool = False) -> Result:
             solved[accuracy] = solve(case, accuracy)
         for level in levels:
             judged += judge(case, level, *(solved[one] for one in (level, coarser(level), truth)))
-    return result(judged)
+    return result(judged, "quick" if quick else "full")
 
 
 def solve(case: Case, accuracy: Accuracy) -> Mapping[str, Curves]:
@@ -172,7 +172,7 @@ def goals(judged: Sequence[Row]) -> list[Goal]:
     return posed
 
 
-def result(judged: Sequence[Row]) -> Result:
+def result(judged: Sequence[Row], run: str = "full") -> Result:
     table, title = summary(judged), "Errors of vibrations"
     page = {"summary": table, "reference": REFERENCE}
-    return pages.study("vibration_errors", title, judged, page, table, goals=goals(judged), digits=4)
+    return pages.study("vibration_errors", title, judged, page, table, goals=goals(judged), run=run, digits=4)
