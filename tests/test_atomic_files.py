@@ -146,6 +146,12 @@ def test_no_verb_overwrites_a_single_file_of_the_user(refusal, tmp_path, line):
     assert file.read_text() == "mine"
 
 
+def test_a_folder_in_the_place_of_a_file_is_refused_before_the_work(refusal, tmp_path):
+    (tmp_path / "calibration.json").mkdir()
+    sentence = refusal("calibrate", "paper", tmp_path / "no_such_bench.csv", "--out", tmp_path)
+    assert "calibration.json' is a folder, in the place of a file that is to be written" in sentence
+
+
 # Folder contents.
 
 

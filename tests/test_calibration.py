@@ -13,7 +13,7 @@ from numpy.testing import assert_allclose
 
 from analytic import parts
 from analytic.time_series import RelaxingForce
-from geometry.design import paper
+from geometry.design import Design, paper
 from studies.calibration import (
     bench_file,
     calibrated_forces,
@@ -466,6 +466,18 @@ def test_regressions_lose_accuracy_on_another_run_of_the_same_sensor():
     assert np.mean(across) > 1.3 * np.mean(within)
 
 
+def test_a_chips_own_axes_are_read_and_a_minus_reverses_a_column(tmp_path):
+    design, file = Design(hall_layout="tmag5273a1"), tmp_path / "rows.csv"
+    rows = pd.DataFrame({"chip_x_mT": [1.0, 2], "Y0 [uT]": [500.0, 600], "chip_z_mT": [-20.0, -21], "Fz_N": [1.0, 2]})
+    pd.concat([rows, rows + 1, rows + 2]).to_csv(file, index=False)
+    read = bench_file.read([file], design, {"chip_y": "-Y0 [uT]"})
+    assert read.values(["chip_-z", "chip_x", "chip_y"])[:2] == pytest.approx(
+        np.array([[0.02, 0.001, -5e-4], [0.021, 0.002, -6e-4]])
+    )
+    rows.assign(chip_y_mT=0.5).drop(columns="Y0 [uT]").to_csv(file, index=False)
+    assert bench_file.read_readings(file, design)[1][0] == pytest.approx([0.02, 0.001, 5e-4])
+
+
 def parted(table, later):
     """The rows of a bench twice: with readings and, some time later, with forces."""
     time = np.arange(len(table), dtype=float)
@@ -494,6 +506,8 @@ def parted(table, later):
         (lambda t: t, ["--force-noise", "-1"], "--force-noise must be a number of N above 0"),
         (lambda t: t.assign(time_s=np.arange(12)[::-1]), [], "the times of 'time_s' fall"),
         (lambda t: t.assign(S1_V=t.S1_V.where(t.index != 3, 1e30)), [], "readings of S1 such as 1e+30 V cannot be"),
+        (lambda t: t.assign(temperature_C=-400.0), [], "must lie between -60 and 160 C; got -400 C"),
+        (lambda t: t.assign(temp_degC=293.0), [], "got 293 C: check it: degrees Celsius are kelvin less 273.15"),
         (lambda t: t, ["--scan"], "a scan is read by a 3-axis chip"),
     ],
 )  # fmt: skip

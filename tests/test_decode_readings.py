@@ -2,6 +2,7 @@
 
 import csv
 import json
+import time
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from analytic.stream import Stream
 from geometry import design_digest
 from geometry.design import Design, paper
 from geometry.loads import Load
+from studies.inputs.table_input import split_head
 from studies.sensing import decode_readings
 
 READINGS = ("readings", "paper", "--shift", "0.5,0.2,-1", "--json")
@@ -176,6 +178,28 @@ def test_a_table_is_decoded_as_a_stream(run, strict, tmp_path):
     assert (tmp_path / "d.csv").read_text() == out
     (tmp_path / "bad.csv").write_text("S1_T,S2_T,S3_T\n0,0,0\n")
     assert run("decode", "paper", "--file", "bad.csv", "--units", "T")[0] == 3
+
+
+def test_a_chips_own_axes_are_decoded_as_those_of_its_elements(run, strict, tmp_path):
+    chip = ("--set", "hall_layout=tmag5273a1")
+    (record,) = strict(run(*READINGS, *chip)[1])
+    down, x, y = record["readings_T"]
+    (tmp_path / "own.csv").write_text(f"chip_x_T,chip_y_T,chip_z_T\n{x},{y},{-down}\n")
+    status, out, err = run("decode", "paper", "--file", "own.csv", *chip)
+    assert status == 0, err
+    (row,) = csv.DictReader(out.splitlines())
+    assert_allclose([float(row[f"shift_{axis}_mm"]) for axis in "xyz"], [0.5, 0.2, -1], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    "head", ["(" + 60_000 * " ", 60_000 * " " + "x [", "a" + 60_000 * " " + "b"], ids=["open", "begun", "none"]
+)
+def test_a_head_of_blanks_is_read_at_once(head):
+    """A pattern with three runs of blanks took 90 s."""
+    began = time.process_time()
+    assert split_head(" F_x [N] ") == ("F_x", "N")
+    split_head(head)
+    assert time.process_time() - began < 1
 
 
 @pytest.mark.parametrize(

@@ -18,7 +18,7 @@ import numpy as np
 from analytic import parts
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
-from studies.inputs.table_input import UNITS, Measured, split_head
+from studies.inputs.table_input import COLDEST, HOTTEST, UNITS, Measured, split_head
 
 FORCES, MOTIONS = ("Fx_N", "Fy_N", "Fz_N"), ("depth_mm", "shear_x_mm", "shear_y_mm")
 NAMES = {
@@ -27,6 +27,7 @@ NAMES = {
     r"t|time|t_wall": "time_s", r"temp|temperature": "temperature_C",
 }  # fmt: skip
 """Heads without their unit, in small letters, and the columns that they mean."""
+KELVIN = 273.15
 IMPOSSIBLE = 100.0
 """Reading over the rail of its element beyond which a single cell is refused."""
 FEWEST = 4
@@ -65,7 +66,8 @@ def read(
 
     Parameters
     ----------
-    columns : heads that have other names, by the column that they mean: {"S1": "X0 [uT]"}.
+    columns : heads that have other names, by the column that they mean: {"S1": "X0 [uT]"}; a minus before a head
+        reverses its numbers.
     force_sign : factor on all forces, 1 or -1.
 
     Raises
@@ -116,7 +118,7 @@ def _read_file(
     import pandas as pd
 
     raw = Measured(file)
-    given = {head: name for name, head in (columns or {}).items()}
+    given, reversed_ = _named(columns or {}, raw.heads)
     if lost := [head for head in given if head not in raw.heads]:
         raise BadInput(f"{file.name} has no column {lost[0]!r}: --column names one of {', '.join(raw.heads)}")
     if twice := [head for head in raw.heads if raw.heads.count(head) > 1]:
@@ -124,7 +126,7 @@ def _read_file(
     found: dict[str, str] = {}
     table, heads = dict[str, Any](), []
     for head in raw.heads:
-        column, named = _meaning(head, given.get(head), names, unit)
+        column, named, sign = _meaning(head, given.get(head), names, unit)
         understood = {"file": file.name, "head": head, "column": column or "not used", "unit": named, "values": 0}
         heads.append(understood)
         if not column:
@@ -134,7 +136,12 @@ def _read_file(
                 f"{file.name}: the columns {found[column]!r} and {head!r} both mean {column}: rename or delete one"
             )
         found[column] = head
-        table[column] = raw.cells(head) if column == "run" else raw.numbers(head, holes=True) * _factor(named)
+        if column == "run":
+            table[column] = raw.cells(head)
+        else:
+            table[column] = raw.numbers(head, holes=True) * (-sign if head in reversed_ else sign) * _factor(named)
+        if column == "temperature_C":
+            _check_temperatures(raw, head, table[column])
         understood["values"] = sum(map(bool, raw.cells(head)))
     if missing := [name for name in names if name not in table]:
         raise BadInput(
@@ -148,20 +155,45 @@ def _read_file(
     return pd.DataFrame({head: raw.cells(head) for head in raw.heads}), pd.DataFrame(table), heads
 
 
-def _meaning(head: str, given: str | None, names: Sequence[str], unit: str) -> tuple[str, str]:
-    """Return the column that a head means, and its unit; two empty texts for one that is not used."""
+def _named(columns: Mapping[str, str], heads: Sequence[str]) -> tuple[dict[str, str], set[str]]:
+    """Return the column that each named head means, and the heads whose numbers are to be reversed."""
+    given, reversed_ = {}, set()
+    for name, head in columns.items():
+        found = head.strip()
+        if found not in heads and found.startswith("-"):
+            found = found[1:].strip()
+            reversed_.add(found)
+        given[found] = name
+    return given, reversed_
+
+
+def _check_temperatures(raw: Measured, head: str, values: Array) -> None:
+    wrong = (values <= COLDEST) | (values >= HOTTEST)
+    advice = f": degrees Celsius are kelvin less {KELVIN:g}" if (values[wrong] > HOTTEST).any() else ""
+    raw.refuse(
+        wrong, head, f"a temperature must lie between {COLDEST:g} and {HOTTEST:g} C", values, f" C: check it{advice}"
+    )
+
+
+def _meaning(head: str, given: str | None, names: Sequence[str], unit: str) -> tuple[str, str, float]:
+    """Return the column that a head means, its unit, and the sign of its numbers; two empty texts if it is not used.
+
+    The element that measures a chip's axis z from above is chip_-z; chip_z is the chip's own axis.
+    """
     stem, named = split_head(head)
     if head.strip().lower() == "run":
-        return "run", ""
+        return "run", "", 1.0
     name = given or stem
-    element = next((each for each in names if each.lower() == name.strip().lower()), None)
+    own = {each.lower(): (each, 1.0) for each in names}
+    own |= {each.lower().replace("_-", "_"): (each, -1.0) for each in names if "_-" in each}
+    element, sign = own.get(name.strip().lower(), (None, 1.0))
     column = element or next((each for text, each in NAMES.items() if re.fullmatch(text, name.lower())), None)
     if given and column is None:
         if given not in (others := (*FORCES, *MOTIONS, "time_s", "temperature_C")):
             raise BadInput(f"--column {given}: choose one of {', '.join([*names, *others])}")
         column = given
     if column is None:
-        return "", ""
+        return "", "", 1.0
     wanted = unit if element else column.rpartition("_")[2]
     if named not in UNITS[wanted]:
         whole = name if any(named in factors for factors in UNITS.values()) else head.strip()
@@ -169,7 +201,7 @@ def _meaning(head: str, given: str | None, names: Sequence[str], unit: str) -> t
             f"the column {head!r} has no unit that {'a reading' if element else column.rpartition('_')[0]} can have: "
             f"write one of {', '.join(UNITS[wanted])} behind its name, as in {whole}_{wanted}"
         )
-    return column, named
+    return column, named, sign
 
 
 def _factor(unit: str) -> float:

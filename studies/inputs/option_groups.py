@@ -267,7 +267,8 @@ class Calibrating:
     responses: Path | None = None
     """File of states printed by `magtip solve --json`, for the mechanics; default: the surrogate."""
     columns: Annotated[list[str] | None, Parameter(name="--column")] = None
-    """NAME=HEAD: the column that holds a reading or a force under another name, such as `S1=X0 [uT]`; repeatable."""
+    """NAME=HEAD: the column that holds a reading or a force under another name, such as `S1=X0 [uT]`; a minus before
+    the head reverses its numbers, such as `chip_x=-Y0 [uT]`; repeatable."""
     force_sign: Literal[1, -1] = 1
     """Factor on all forces: -1 where the file counts compression as negative."""
     force_noise: float | None = None

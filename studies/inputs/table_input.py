@@ -10,7 +10,6 @@ import csv
 import io
 import json
 import math
-import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -38,6 +37,8 @@ UNITS: dict[str, dict[str, float]] = {
     "MPa": {"MPa": 1.0, "kPa": 1e-3, "Pa": 1e-6},
 }
 """Factors of the units that a head may name, by the unit of the values that are read."""
+COLDEST, HOTTEST = -60.0, 160.0
+"""Temperatures, C, that a chip or a magnet in use can have."""
 Rows = list[tuple[int, list[str]]]
 """Number of each row's last line, from 1, and its cells as texts; a quoted cell may span several lines."""
 
@@ -112,10 +113,11 @@ def split_head(head: str) -> tuple[str, str]:
     >>> split_head("F_x [N]"), split_head("S1_mV"), split_head("S1")
     (('F_x', 'N'), ('S1', 'mV'), ('S1', ''))
     """
-    bracket = re.fullmatch(r"\s*(.*?)\s*[\[(]\s*(.*?)\s*[\])]\s*", head)
-    if bracket:
-        return bracket.group(1), bracket.group(2)
-    name, _, unit = head.strip().rpartition("_")
+    text = head.strip()
+    begin = min((at for at in map(text.find, "[(") if at >= 0), default=-1)
+    if begin >= 0 and text[-1] in "])":
+        return text[:begin].strip(), text[begin + 1 : -1].strip()
+    name, _, unit = text.rpartition("_")
     return (name, unit) if name else (unit, "")
 
 

@@ -62,7 +62,13 @@ def check(folder: str | Path | None, names: Iterable[str]) -> None:
     if folder is None or not Path(folder).is_dir():
         return
     where = Path(folder)
-    files = sorted({file for name in names for file in where.glob(name) if file.is_file()})
+    found = sorted({file for name in names for file in where.glob(name)})
+    if folders := [file for file in found if file.is_dir()]:
+        raise BadInput(
+            f"{str(folders[0])!r} is a folder, in the place of a file that is to be written: choose another "
+            "folder, or move it away"
+        )
+    files = [file for file in found if file.is_file()]
     # each folder below has its own list
     listed = {place: _listed(place) for place in {file.parent for file in files}}
     unlisted = [file for file in files if listed[file.parent] is None]

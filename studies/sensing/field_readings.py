@@ -332,13 +332,21 @@ def read_rows(
     added : columns that the caller will add, so that the table must not contain them.
     holes : read an empty cell or a NaN as NaN; default: refuse it.
     instead : for each option, the columns that it would read instead; a message suggests the option.
+
+    A chip's own axes may stand in place of the elements' (-z, x, y): chip_x_T, chip_y_T, chip_z_T.
     """
     table = table_input.Measured(path, comments=False)
     if not table.heads:
         raise BadInput(f"{path} is empty: its first line must name the columns {','.join(wanted)}")
-    _check_head(path, table.heads, wanted, added, instead or {})
+    own = [name.replace("_-z_", "_z_") for name in wanted]
+    signs = np.array([1.0 if name == asked else -1.0 for name, asked in zip(own, wanted, strict=True)])
+    if (set(own) - set(wanted)) & set(table.heads):
+        _check_head(path, table.heads, [own[k - k % 3 + (k + 1) % 3] for k in range(len(own))], added, {})
+    else:
+        own, signs = wanted, np.ones(len(wanted))
+        _check_head(path, table.heads, wanted, added, instead or {})
     table_input.check_rows(path, table.rows)
-    values = np.column_stack([table.numbers(name, holes=holes) for name in wanted])
+    values = signs * np.column_stack([table.numbers(name, holes=holes) for name in own])
     return table.heads, [row for _, row in table.rows], values
 
 
