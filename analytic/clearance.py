@@ -69,7 +69,10 @@ def wall_distance(R: ArrayLike, H: ArrayLike, point: Array, centre: Array) -> Ar
 def warnings(
     design: Design, shift: Vector, tilt: tuple[float, float], elements: Sequence[Element] | None = None
 ) -> list[str]:
-    """Return one sentence for each collision of the magnet or the beam with an element or the base."""
+    """Return one sentence for each collision of the magnet or the beam with an element or the base.
+
+    Where the wall is unknown (NaN) a sentence says so, but for poses that no press reaches.
+    """
     sentences = []
     low = float(lowest_point(design, tilt)) + design.H + shift[2]
     if low < 0:
@@ -89,6 +92,11 @@ def warnings(
             remedy = beside if math.hypot(*element.position[:2]) > 0 else "raise l0"
             verb = "extends over" if element.position[2] < 0 else "overlaps"
             sentences.append(f"the beam's wall {verb} {element.name} by about {-gap:.3g} mm: {remedy}")
+        elif math.isnan(gap) and not low < 0:
+            sentences.append(
+                f"whether the beam's wall touches {element.name} is not known: an upright magnet would reach below "
+                "the base plane here"
+            )
     return sentences
 
 

@@ -33,8 +33,8 @@ class Facts:
         and after, mm; None where the path did not become unstable or was not checked.
     weak_at : principal stretches, largest first, at which the law loses stability in the state, or just beyond a
         state that stopped or is unstable; None if nowhere.
-    inverted_share : share of the silicone's volume with det F <= 0; 0 where J at the integration points is above
-        FLAT.
+    inverted_share : share of the silicone's volume with det F <= 0; None where it was not computed, because J at
+        the integration points is above `fem.results.diagnostics.FLAT`.
     remark : the most important limitation of the answer, a key of `fem.results.diagnostics.REMARKS`; None if there
         is none. "given_way": the tip has buckled to a
         side that the mesh chose. "leaning": an imperfection led it there. "guided_only": the tip would buckle if it
@@ -58,7 +58,7 @@ class Facts:
     onset: Literal["depth", "shear"] | None = None
     onset_mm: tuple[float, float] | None = None
     weak_at: tuple[float, float, float] | None = None
-    inverted_share: float = 0.0
+    inverted_share: float | None = None
     remark: str | None = None
     sideways_stiffness_ratio: float | None = None
     critical_depth: float | None = None

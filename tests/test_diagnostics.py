@@ -1,5 +1,6 @@
 """What is known of a state: facts and messages, the largest strain, and where the law of the silicone is lost."""
 
+import functools
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +11,7 @@ from fem import equilibrium
 from fem.accuracy import QUICK, STANDARD
 from fem.equilibrium import solve, trace
 from fem.model import elements
-from fem.model.material import evaluate, law
+from fem.model.material import evaluate, law, ogden
 from fem.model.symmetry_models import MeshSpecification
 from fem.results import diagnostics, silicone_limits
 from fem.results.lateral_stiffness import StabilityMargin
@@ -234,6 +235,12 @@ def test_laws_that_are_called_always_stable_are_so_at_large_strains(name, number
     _, D = silicone_limits.stress_and_stiffness(silicone, h - h.mean(axis=1, keepdims=True))
     stable = (silicone_limits.least_stiffness(D) > 0).all()
     assert silicone_limits.always_stable(silicone) == stable
+
+
+def test_a_law_of_which_nothing_is_known_is_not_called_stable():
+    """Ogden's law with a factor below 0 loses stability, and a law of another kind may."""
+    assert not silicone_limits.always_stable(functools.partial(ogden, alphas=(2.0, -2.0), shares=(1.5, -0.5)))
+    assert not silicone_limits.always_stable(lambda *values: None)
 
 
 def cube(n=2):

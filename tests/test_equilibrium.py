@@ -167,6 +167,7 @@ def leaning():
 
 def test_the_buckled_branch_is_followed_to_the_side_of_the_push_and_its_force_hardly_grows(leaning):
     assert [(state.status, state.model) for state in leaning] == [("ok", "harmonic")] * 3
+    assert [state.facts.remark for state in leaning] == [None, "leaning", "leaning"]
     assert "imperfection of 0.002 N" in leaning[-1].message
     shifts = [state.response.shift[0] for state in leaning]
     assert 0 < shifts[0] < 0.06

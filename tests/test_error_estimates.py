@@ -13,7 +13,15 @@ from fem.equilibrium import solve
 from fem.model import single_order
 from fem.model.symmetry_models import MeshSpecification
 from fem.physics_version import PHYSICS
-from fem.results.error_estimates import VibrationQuantity, error_rules, estimate_response, load_case, table_rows
+from fem.results.error_estimates import (
+    ErrorRule,
+    VibrationQuantity,
+    error_rules,
+    estimate_response,
+    load_case,
+    relative_error,
+    table_rows,
+)
 from fem.scene import Scene
 from fem.solve.path_state import about, glue, with_harmonics
 from fem.solve.press import solve_press
@@ -79,6 +87,12 @@ def test_a_single_harmonic_is_held_against_two():
     off = math.dist(rough.response.force, better.response.force) / math.hypot(*better.response.force)
     assert off > 0.01
     assert rough.estimates.force > 0.8 * off
+
+
+def test_an_estimate_is_a_quarter_of_the_difference_at_least():
+    """A mesh that converges with order 4 has this error, whatever is usual."""
+    rule = ErrorRule(m=0.01, p=0.0, q=0.0, c=1.0, s=0.0)
+    assert [relative_error(rule, (1.0,), (1.0 + d,), 0.1, 1.0) for d in (0.02, 0.06)] == pytest.approx([0.01, 0.015])
 
 
 def test_estimates_grow_beyond_the_loads_of_the_study():

@@ -189,6 +189,9 @@ def test_the_label_of_a_mesh_names_its_sensor(own, tmp_path):
     mesh_import.read(tmp_path / "mute.vtu", replace(SHAPE, magnet_height=2.0005), warn=said.append)
     assert len(said) == 1
     assert "does not say for which sensor it was made" in said[0]
+    # all nodes lie on the surfaces of this magnet, within their tolerance
+    with pytest.raises(BadInput, match=r"the volume of the magnet .* is wrong by -0\.313 % \(at most 0\.2 %"):
+        mesh_import.read(tmp_path / "mute.vtu", replace(SHAPE, magnet_height=2.006))
 
 
 def test_cells_of_another_mesher_give_the_same_force(run, strict, tmp_path):

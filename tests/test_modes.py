@@ -17,6 +17,7 @@ from fem.model.nonlinear_system import System
 from fem.model.symmetry_models import on_axis
 from fem.results.error_estimates import error_rule, relative_error
 from fem.scene import Scene
+from fem.solve.newton import NoStateError
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load
 from geometry.section import section
@@ -62,6 +63,13 @@ def test_frequencies_grow_as_the_root_of_the_modulus(depth):
 def test_counts_that_mean_nothing(count):
     with pytest.raises(BadInput, match="count"):
         modes.modes(paper(), count=count)
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_an_unstable_press_has_no_modes_however_few_are_asked_for(count):
+    """The inertia tells it: the negative eigenvalue is not among the few that are nearest to zero."""
+    with pytest.raises(NoStateError, match=r"the state at depth 7\.921 mm is unstable: take a smaller depth"):
+        modes.modes(replace(paper(), L=32.0), count=count, depth=7.921, accuracy=QUICK, estimate=False)
 
 
 def test_every_frequency_has_an_error_that_holds_against_a_finer_mesh():

@@ -215,6 +215,22 @@ def test_what_is_in_the_way_is_said(design, shift, words):
     assert [word in text for word, text in zip(words, found, strict=True)] == [True] * len(words)
 
 
+def test_a_wall_that_is_not_known_is_said_to_be_so():
+    """A long magnet that lies on its side fits where it could not stand."""
+    long = Design(L=9.0, magnet_diameter=1.0, magnet_height=6.0)
+    found = warnings(long, (0.0, 0.0, -3.0), (1.2, 0.0))
+    for name in ("S2", "S3"):
+        assert any(f"whether the beam's wall touches {name} is not known" in text for text in found)
+    assert not any("is not known" in text for text in warnings(long, (0.0, 0.0, -1.0), (1.2, 0.0)))
+
+
+def test_on_a_fold_the_noise_is_infinite():
+    """Where two of three elements are one, no reading tells a direction of the pose."""
+    spread = np.full((3, 3, 2), np.inf)
+    spread[:, :, 1] = np.diag([1.0, 2.0, 3.0])
+    assert survey._largest_singular_value(spread).tolist() == [np.inf, 3.0]
+
+
 @pytest.mark.filterwarnings("error")
 def test_the_wall_ends_where_the_magnet_stands_on_the_base():
     """At H + z = h/2; a beam stretched beyond the estimate still has one."""

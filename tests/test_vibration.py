@@ -2,6 +2,7 @@
 
 import copy
 import functools
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -93,6 +94,26 @@ def test_bands_and_loads_that_are_refused(band, load, words):
     design = replace(paper(), L=32.0 if words == "unstable" else 9.0)
     with pytest.raises(BadInput, match=words):
         vibration.vibrating_sensor(design, load, band, QUICK)
+
+
+@pytest.mark.parametrize("frequency", [1e5, 1001.0, math.nan, -1.0])
+def test_a_frequency_that_the_sensor_was_not_prepared_for_is_refused(frequency):
+    with pytest.raises(BadInput, match=f"prepared for vibrations of 1 to 1000 Hz; got {frequency:g} Hz"):
+        sensor(GLUED).at([10.0, frequency])
+
+
+def test_below_the_band_there_is_the_static_limit_and_what_the_basis_carries():
+    """Branches that relax far below the band are not in its basis."""
+    lossy = {"prony": "0.5:1e3", "modulus": "long-term"}
+    far = sensor(GLUED, band=(100.0, 1000.0), **lossy)
+    assert far.at([1e-9]).force[0, 0, 1].real == pytest.approx(far.static_stiffness()["z"], rel=1e-6)
+    wide = sensor(GLUED, band=(1e-6, 1000.0), **lossy)
+    for frequency in (1e-5, 1e-4, 1.0):
+        try:
+            found = far.at([frequency]).force
+        except BadInput:
+            continue
+        assert found == pytest.approx(wide.at([frequency]).force, rel=1e-5)
 
 
 def test_a_shaken_base_moves_the_magnet_like_a_mass_on_a_spring_below_resonance():

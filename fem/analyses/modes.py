@@ -33,7 +33,7 @@ from fem.results.lateral_stiffness import SidewaysModel
 from fem.results.postprocess import read
 from fem.scene import Scene
 from fem.solution import Status
-from fem.solve.direct_solver import Solver
+from fem.solve.direct_solver import STABLE, Solver, Stability
 from fem.solve.newton import NoStateError
 from fem.solve.path_state import about
 from fem.solve.press import Press, find_press, reach_press
@@ -124,6 +124,9 @@ def _solve_modes(scene: Scene, count: int, told: Scene, edge: float | None) -> M
         name: _order_matrices(press, scene, *model) for name, model in zip(SHAPES, enumerate(models), strict=True)
     }
     blocks["torsion"] = _torsion_matrices(press, scene)
+    pressures = {name: model.system.n_pressure for name, model in zip(SHAPES, models, strict=True)}
+    stabilities = [_stability(K, pressures.get(name, 0)) for name, (K, _) in blocks.items()]
+    refuse_unstable(sum(stabilities, STABLE), depth)
     values = {name: eigen(*block, math.ceil(count / 2))[0] for name, block in blocks.items()}
     # most blocks have few of the lowest modes: only those that may have more are solved again
     limit = sorted(itertools.chain(*values.values()))[count - 1]
@@ -131,10 +134,6 @@ def _solve_modes(scene: Scene, count: int, told: Scene, edge: float | None) -> M
         if len(values[name]) < count and values[name][-1] < limit:
             values[name], _ = eigen(*block, count)
     lowest = sorted((float(value), name) for name, block_values in values.items() for value in block_values)[:count]
-    if lowest[0][0] < 0:
-        raise NoStateError(
-            f"the press is unstable at depth {depth:g} mm, so it has no natural frequencies: take a smaller depth"
-        )
     scale = frequency_unit(scene.design)
     frequencies = tuple(math.sqrt(value) * scale for value, _ in lowest)
     found = Modes(frequencies, tuple(name for _, name in lowest), (None,) * len(lowest))
@@ -142,6 +141,20 @@ def _solve_modes(scene: Scene, count: int, told: Scene, edge: float | None) -> M
         return found
     state = read(press.state, scene, scene.loads[0], margin=sideways.margin)
     return replace(found, status=state.status, message=state.message)
+
+
+def _stability(K: sp.csr_matrix, pressures: int) -> Stability:
+    """Return the stability of a body with a number of pressures, from the inertia of its tangent."""
+    solver = Solver()
+    solver.factorise(K)
+    return solver.stability(pressures)
+
+
+def refuse_unstable(stability: Stability, depth: float) -> None:
+    """Refuse a state at a depth, mm, that is not known to be stable: small motions about it are no vibration."""
+    if not stability.is_stable:
+        how = "is unstable" if stability.is_unstable else "may be unstable: its stiffness does not tell"
+        raise NoStateError(f"the state at depth {depth:g} mm {how}: take a smaller depth")
 
 
 def frequency_unit(design: Design) -> float:

@@ -40,7 +40,14 @@ from typing import Literal
 import numpy as np
 
 from fem.accuracy import STANDARD, Accuracy
-from fem.analyses.modes import eigen, find_contact, frequency_unit, inertia_of_magnet, pressed_sensor
+from fem.analyses.modes import (
+    eigen,
+    find_contact,
+    frequency_unit,
+    inertia_of_magnet,
+    pressed_sensor,
+    refuse_unstable,
+)
 from fem.model import coulomb_friction, element_assembly, plate_contact, single_order
 from fem.model.material import lame
 from fem.model.nonlinear_system import Assembly, State, System
@@ -55,7 +62,7 @@ from fem.solve.load_stepping import Path
 from fem.solve.newton import STOPPED, NoStateError
 from fem.solve.path_state import PathState, about
 from fem.solve.press import Press
-from fem.solve.reduced_basis import Complex, Problem, ReducedSystem, reduce
+from fem.solve.reduced_basis import ACCEPTED, Complex, Problem, ReducedSystem, reduce
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Magnet
@@ -68,6 +75,8 @@ MOTIONS: tuple[Motion, ...] = ("z", "x")
 """Directions in which the plate, or the base of the free sensor, moves: z along its depth, x along the shear."""
 DISPLACEMENT = {"z": np.array([0.0, 0.0, -1.0]), "x": np.array([1.0, 0.0, 0.0])}
 """Displacements by a unit motion."""
+ROUNDED = 1e-9
+"""Relative rounding of a frequency at an end of the band."""
 ANGLES = 8
 """Angles in a quarter turn at which the pressure of order 1 is compared with that of the press."""
 LOST_AREA = 0.25
@@ -270,6 +279,7 @@ class VibratingSensor:
     scene : the problem, with the long-term modulus.
     state : the state at rest.
     relaxation : branches of the silicone.
+    band : lowest and highest frequency for which the sensor was prepared, Hz.
     reduced_blocks : linear systems of all motions.
     coarser : the same sensor on a coarser mesh, for estimates of errors at any frequency; None without one.
     """
@@ -277,6 +287,7 @@ class VibratingSensor:
     scene: Scene
     state: Solution
     relaxation: Relaxation
+    band: tuple[float, float]
     reduced_blocks: tuple[ReducedBlock, ...]
     coarser: VibratingSensor | None = None
 
@@ -291,11 +302,34 @@ class VibratingSensor:
         return max(part.system.error for part in self.reduced_blocks)
 
     def at(self, frequencies: Sequence[float] | Array) -> Vibration:
-        """Return the vibration at frequencies (f,), Hz, in the range for which the sensor was prepared."""
+        """Return the vibration at frequencies (f,), Hz, in the band, or below it where the basis carries them.
+
+        The static limit is always in the basis.
+
+        Raises
+        ------
+        BadInput
+            A frequency is above the band, up to which the mesh was checked, or one below it is not carried.
+        """
         f = np.asarray(frequencies, dtype=np.float64)
+        self._check_frequencies(f)
         answers = [_solve_part(part, self.scene, self.relaxation, f) for part in self.reduced_blocks]
         columns = (np.concatenate(values, axis=1) for values in zip(*answers, strict=True))
         return Vibration(f, tuple(motion for part in self.reduced_blocks for motion in part.block.motions), *columns)
+
+    def _check_frequencies(self, f: Array) -> None:
+        low, high = self.band
+        outside = f[~((low * (1 - ROUNDED) <= f) & (f <= high * (1 + ROUNDED)))]
+        below = bool((outside < low).all()) and bool((outside >= 0).all())
+        if below and len(outside):
+            coefficients = _coefficients(self.scene, self.relaxation, outside)
+            errors = np.max([part.system.errors(*coefficients) for part in self.reduced_blocks], axis=0)
+            outside = outside[errors > ACCEPTED]
+        if len(outside):
+            raise BadInput(
+                f"this sensor was prepared for vibrations of {low:g} to {high:g} Hz; got {outside[0]:g} Hz: prepare "
+                "it for a band that contains this frequency"
+            )
 
     def static_stiffness(self) -> dict[str, float]:
         """Return the force along each motion over the motion at rest, N/mm; empty about the free sensor."""
@@ -427,13 +461,11 @@ def _solve_sensor(scene: Scene, load: Load, band: tuple[float, float], relaxatio
     reduced_blocks = []
     for block in blocks:
         system = reduce(block.problem, c, eigenvalues)
-        if not system.stability.is_stable:
-            how = "is unstable" if system.stability.is_unstable else "may be unstable: its stiffness does not tell"
-            raise NoStateError(f"the state at depth {load.depth:g} mm {how}: take a smaller depth")
+        refuse_unstable(system.stability, load.depth)
         presses = block.plate is not None and block.plate.height is not None
         pressure = read_pressure(block, system.V) if presses else None
         reduced_blocks.append(ReducedBlock(block, system, pose_slopes(block.state, system.V), pressure))
-    return VibratingSensor(scene, _read_state(path_state, scene, load), relaxation, tuple(reduced_blocks))
+    return VibratingSensor(scene, _read_state(path_state, scene, load), relaxation, band, tuple(reduced_blocks))
 
 
 def _read_state(state: PathState, scene: Scene, load: Load) -> Solution:

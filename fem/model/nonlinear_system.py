@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import copy
 import functools
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -44,13 +45,13 @@ class State:
     q : (n,) unknowns.
     u : (nodes, fields) displacements.
     p : (corners, pressures) pressures; on the axis of a section those of the harmonics are 0.
-    least_J : least volume ratio J at the integration points; 1 where not computed.
+    least_J : least volume ratio J at the integration points; NaN where not computed.
     """
 
     q: Array
     u: Array
     p: Array
-    least_J: float = 1.0
+    least_J: float = math.nan
 
 
 @dataclass(frozen=True, slots=True)

@@ -29,6 +29,9 @@ Margin = Callable[[PathState], StabilityMargin]
 BUCKLED = 0.01
 """Sideways shift of the magnet over D, or its tilt in rad, beyond which a frictionless press has left the symmetric
 state; asymmetry of the mesh alone causes less than a third of this."""
+FLAT = 0.5
+"""Least J at the integration points from which on no inverted spot between them is looked for: elements have had none
+there."""
 NEAR = 0.9
 """Depth over the estimated critical depth beyond which a press is reported as close to it."""
 REMARKS = {
@@ -88,8 +91,7 @@ def diagnose(
         onset=onset,
         onset_mm=between,
         weak_at=None if stretches is None else (float(stretches[0]), float(stretches[1]), float(stretches[2])),
-        # an element whose J stays above 0.5 at its integration points has no inverted spot between them
-        inverted_share=inverted_share(state.d, u) if state.least_J < 0.5 else 0.0,
+        inverted_share=None if state.least_J >= FLAT else inverted_share(state.d, u),
         remark=None
         if stop
         else _choose_remark(state, found, D, near, touched=touched, looked=not checked or bool(near)),
@@ -201,7 +203,7 @@ def describe(solution: Solution, design: Design) -> str:
             "a model has: the error estimates are wider; press deeper or tilt less"
         )
     # smaller shares are single corners
-    if facts.inverted_share >= 1e-6:
+    if facts.inverted_share is not None and facts.inverted_share >= 1e-6:
         sentences.append(
             f"{100 * facts.inverted_share:.1g} % of the silicone is inverted (J <= 0) between integration points, "
             "at edges such as the clamp's: forces and the magnet's shift are reliable, "

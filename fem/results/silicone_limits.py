@@ -26,7 +26,7 @@ import numpy as np
 
 from fem.model import elements
 from fem.model.elements import Elements
-from fem.model.material import Law, evaluate, yeoh
+from fem.model.material import Law, evaluate, neo_hookean, ogden, yeoh
 from fem.model.nonlinear_system import System
 from fem.solve.path_state import PathState
 from geometry.arrays import Array
@@ -77,10 +77,14 @@ def always_stable(silicone: Law) -> bool:
 
     All are, except Yeoh's with a negative constant. The energies of the others are sums of exponentials of h with
     positive factors, and therefore convex. I1' - 3 is such a sum and not negative, so its powers are convex too.
+    False for any other law, of which this is not known.
     """
-    if not isinstance(silicone, functools.partial) or silicone.func is not yeoh:
+    if silicone is neo_hookean:
         return True
-    return bool(min(silicone.keywords.values()) >= 0)
+    if not isinstance(silicone, functools.partial) or silicone.func not in (ogden, yeoh):
+        return False
+    factors = silicone.keywords["shares"] if silicone.func is ogden else silicone.keywords.values()
+    return bool(min(factors) >= 0)
 
 
 def find_loss(system: System, u: Array, reach: float = REACH) -> Array | None:

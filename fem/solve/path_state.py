@@ -41,7 +41,7 @@ class PathState:
     kappa : stiffness number of the plate, see `fem.model.plate_contact`.
     position : (3,) position of plate or grip, over D.
     q, energy : unknowns, and energy stored in the modelled part.
-    least_J : least volume ratio J at the integration points.
+    least_J : least volume ratio J at the integration points; NaN where not computed.
     stability : stable, unstable with a number of directions, or unknown.
     onset : positions (before, after) between which the first unstable direction appeared, or None.
     sheared : whether plate or grip have ever moved sideways.
@@ -61,7 +61,7 @@ class PathState:
     position: Array
     q: Array
     energy: float = 0.0
-    least_J: float = 1.0
+    least_J: float = math.nan
     stability: Stability = UNKNOWN
     onset: tuple[Array, Array] | None = None
     sheared: bool = False
@@ -132,7 +132,7 @@ def at_rest(
         kappa = KAPPA
     rest = np.zeros(d.system.size)
     return PathState(
-        d, grip is not None, tilt, kappa, np.zeros(3), rest, stability=STABLE, bond=bond, friction=friction
+        d, grip is not None, tilt, kappa, np.zeros(3), rest, 0.0, 1.0, STABLE, bond=bond, friction=friction
     )
 
 
@@ -161,7 +161,8 @@ def with_predictor(state: PathState, d: Discretisation, low: PathState | None = 
     """
     q = np.zeros(d.system.size) if low is None else raise_harmonics(low.d.system, d.system, low.q)
     # its energy and stability follow with its first increment
-    return replace(state, reduced=PathState(d, state.grip, state.tilt, state.kappa, state.position, q))
+    reduced = PathState(d, state.grip, state.tilt, state.kappa, state.position, q, least_J=state.least_J)
+    return replace(state, reduced=reduced)
 
 
 def glue(state: PathState, radius: float | None) -> PathState:

@@ -70,7 +70,8 @@ class ReducedSystem:
 
     V : (n, m) basis, whose displacements are orthonormal.
     K, R, M, b : projected matrices (m, m), and right-hand sides (m, k).
-    W : (s, 2 m) sampled rows of the columns of K^-1 R V and -K^-1 M V in turn, for the error.
+    sample : (s,) rows over which the error is measured.
+    static, W : (s, k) and (s, 2 m) these rows of K^-1 b, and of the columns of K^-1 R V and -K^-1 M V in turn.
     factorisations : number of factorisations with which the basis was built.
     stability : that of the body at rest.
     error : largest error at the frequencies for which it was built.
@@ -81,6 +82,8 @@ class ReducedSystem:
     R: Array
     M: Array
     b: Array
+    sample: Ints
+    static: Array
     W: Array
     factorisations: int
     stability: Stability
@@ -96,7 +99,12 @@ class ReducedSystem:
             y[batch] = np.linalg.solve(A, self.b.astype(np.complex128))
         return y
 
-    def extend(self, vectors: Array, problem: Problem, static_solver: Solver, sample: Ints) -> ReducedSystem:
+    def errors(self, c: Complex, eigenvalues: Array, y: Complex | None = None) -> Array:
+        """Return the error (f,) at frequencies, see the module docstring; y : what `solve` returns there."""
+        y = self.solve(c, eigenvalues) if y is None else y
+        return _errors(self.static, self.V[self.sample], self.W, y, c, eigenvalues)
+
+    def extend(self, vectors: Array, problem: Problem, static_solver: Solver) -> ReducedSystem:
         """Return the system with vectors (n, j) of `_independent` added; `static_solver` has factorised K."""
         V = np.hstack([self.V, vectors])
         K, R, M = (multiply(matrix, vectors) for matrix in (problem.K, problem.R, problem.M))
@@ -108,7 +116,7 @@ class ReducedSystem:
             R=_bordered(self.R, V.T @ R),
             M=_bordered(self.M, V.T @ M),
             b=V.T @ problem.b,
-            W=np.hstack([self.W, _refined(static_solver, problem.K, loads)[sample]]),
+            W=np.hstack([self.W, _refined(static_solver, problem.K, loads)[self.sample]]),
         )
 
 
@@ -129,17 +137,17 @@ def reduce(
     static_solver.factorise(problem.K)
     static, stability = _refined(static_solver, problem.K, problem.b), static_solver.stability(n - problem.moving)
     none, no_rows = np.empty((0, 0)), np.empty((len(sample), 0))
-    system = ReducedSystem(np.empty((n, 0)), none, none, none, none, no_rows, 1, stability)
+    system = ReducedSystem(np.empty((n, 0)), none, none, none, none, sample, static[sample], no_rows, 1, stability)
     # with the static solutions the slow limit is exact
-    system = system.extend(_independent(static, system.V, problem.moving), problem, static_solver, sample)
+    system = system.extend(_independent(static, system.V, problem.moving), problem, static_solver)
     for rounds in range(1, most_rounds + 1):
         shifted = problem.at(float(c[worst].real), float(eigenvalues[worst]))
         moving.factorise(shifted)
         vectors = _independent(_local_vectors(moving, shifted, problem, residual), system.V, problem.moving)
         if vectors.size:
-            system = system.extend(vectors, problem, static_solver, sample)
+            system = system.extend(vectors, problem, static_solver)
         y = system.solve(c, eigenvalues)
-        errors = _errors(static[sample], system.V[sample], system.W, y, c, eigenvalues)
+        errors = system.errors(c, eigenvalues, y)
         worst = int(np.argmax(errors))
         if best is None or errors[worst] < best.error:
             best = replace(system, factorisations=rounds + 1, error=float(errors[worst]))

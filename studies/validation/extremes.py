@@ -341,7 +341,7 @@ def half_model(case: Case, states: Sequence[Solution]) -> Measurement:
 def folded(_: Case, states: Sequence[Solution]) -> Measurement:
     """Check that the inverted share (J <= 0) at 45 points of each triangle is at most WIDE times the reported one."""
     last = states[-1]
-    beyond = folded_share(last) - WIDE * last.facts.inverted_share
+    beyond = folded_share(last) - WIDE * (last.facts.inverted_share or 0.0)
     return Measurement(f"inverted share, less {WIDE:g} times the reported one", max(beyond, 0.0))
 
 

@@ -65,11 +65,13 @@ def prepare(design: Design, load: Load, magnet: Magnet, level: str) -> Vibrating
     accuracy = LEVELS[level]
     relaxation = relaxation_of(design)
     low, high = relaxation.speaks_for_frequencies if relaxation.times else (LOWEST_ELASTIC, math.inf)
-    band = low, min(high, highest_frequency(relaxed(design, relaxation), accuracy))
+    # the sensor is prepared a step farther, for the slope of a gain at the end of the band
+    band = low, min(high, highest_frequency(relaxed(design, relaxation), accuracy) / (1 + STEP))
     if not band[0] < band[1]:
         raise BadInput(f"the silicone's branches speak for {low:.3g} to {high:.3g} Hz only, which is no band")
     check_vibration(design, load, band, accuracy)
-    sensor = vibrating_sensor(design, load, band, accuracy, magnet=magnet, estimate=True)
+    prepared = low, band[1] * (1 + STEP)
+    sensor = vibrating_sensor(design, load, prepared, accuracy, magnet=magnet, check=False, estimate=True)
     coarse = None if sensor.coarser is None else response_curves.evaluator(design, sensor.coarser)
     return Vibrating(sensor, response_curves.evaluator(design, sensor), coarse, band)
 
