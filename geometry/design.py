@@ -55,6 +55,15 @@ LEAST_ALPHA = 0.01
 """Least magnitude of an exponent of Ogden's law: the energy divides by the exponent, so 0 is impossible."""
 
 
+def no_numbers(law: str) -> str:
+    """Return the sentence on a law whose numbers are at their defaults.
+
+    >>> no_numbers("yeoh")
+    'the law yeoh without its numbers is the law neo-hookean: set yeoh_2 or yeoh_3'
+    """
+    return f"the law {law} without its numbers is the law neo-hookean: set {' or '.join(LAWS[law])}"
+
+
 def _choice(default: str, choices: Iterable[str], text: str, *, assumed: bool) -> Any:
     return field(default=default, metadata={"unit": "1", "choices": tuple(choices), "text": text, "assumed": assumed})
 
@@ -308,6 +317,26 @@ class Design:
         """The dimensionless parameters of the law, in the order of `LAWS`."""
         return tuple(getattr(self, name) for name in LAWS[self.law])
 
+    def for_mechanics(self, magnet: str) -> Self:
+        """Return the design whose mechanics are the same.
+
+        A magnet that is `ignored` is silicone, and a law whose numbers are those of neo-Hookean silicone is that law.
+
+        >>> Design(law="yeoh").for_mechanics("rigid") == Design()
+        True
+        """
+        changed: dict[str, Any] = {}
+        if magnet == "ignored" and self.magnet_diameter > 0:
+            changed = {"magnet_diameter": 0.0, "magnet_height": 0.0}
+        if self.is_neo_hookean and self.law != "neo-hookean":
+            changed["law"] = "neo-hookean"
+        return dataclasses.replace(self, **changed) if changed else self
+
+    @property
+    def is_neo_hookean(self) -> bool:
+        """Whether the law's numbers are at their defaults, at which every law is the neo-Hookean one."""
+        return self.law_numbers == tuple(_DEFAULTS[name] for name in LAWS[self.law])
+
     def unused_fields(self) -> dict[str, str]:
         """Return the names of the fields that have no effect in this design, each with the reason.
 
@@ -328,11 +357,10 @@ class Design:
 
     def unused_field_warnings(self) -> list[str]:
         """Return one sentence for each reason why fields that differ from their defaults have no effect."""
-        defaults = {spec.name: spec.default for spec in dataclasses.fields(self)}
         names_by_reason: dict[str, list[str]] = {}
         for name, reason in self.unused_fields().items():
             # a field at its default was probably not set by the user: no warning
-            if getattr(self, name) != defaults[name]:
+            if getattr(self, name) != _DEFAULTS[name]:
                 names_by_reason.setdefault(reason, []).append(name)
         return [no_effect(names, reason) for reason, names in names_by_reason.items()]
 
@@ -366,6 +394,8 @@ class Design:
     def value_warnings(self) -> list[str]:
         """Return warnings for every use of the design: fields without effect, or an E that no silicone has."""
         texts = self.unused_field_warnings()
+        if self.law != "neo-hookean" and self.is_neo_hookean:
+            texts.append(no_numbers(self.law))
         if self.modulus == "instantaneous":
             from geometry.relaxation import relaxation_of
 
@@ -387,6 +417,7 @@ class Design:
 
 
 _NAMES = [spec.name for spec in dataclasses.fields(Design)]
+_DEFAULTS = {spec.name: spec.default for spec in dataclasses.fields(Design)}
 OF_ONE_LAYOUT: dict[str, tuple[str, ...]] = {
     "three": ("f", "c", *(n for n in _NAMES if n.startswith("hall_") and n not in ("hall_layout", "hall_average"))),
     **dict.fromkeys(CHIPS, ("chip_x", "chip_count", "chip_noise")),

@@ -13,7 +13,6 @@ the remanence, E without an imperfection) share a solve, and solved states are k
 
 from __future__ import annotations
 
-import contextlib
 import decimal
 import math
 import numbers
@@ -38,11 +37,13 @@ from studies.mechanics.study_cases import (
     Columns,
     FemModel,
     Plan,
+    coarsest_first,
     completed,
     model_name,
     models_of,
 )
 from studies.sweeps import sweep
+from studies.sweeps.study_rows import status_columns
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -85,6 +86,9 @@ def table(cases: Iterable[tuple[Design, Load, Magnet]]) -> pd.DataFrame:
     usual |= {"shear": 0.0, "shear_y": 0.0, "plate_tilt": 0.0, "imperfection": 0.0}
     frame = pd.DataFrame(rows)
     kept = [name for name in frame if name not in usual or (frame[name] != usual[name]).any()]
+    if "l0" not in kept and {"D", "L"} & set(kept):
+        # without its column the elements would stay in the base of the paper's sensor
+        kept.append("l0")
     return frame[kept].rename(columns={name: study_input.column(name) for name in kept})
 
 
@@ -108,10 +112,10 @@ def answer(
     cases : a row for each case, any number of them. Columns are fields of the design (`D_mm`, `L_mm`, `f_mm`,
         `E_MPa`, `nu`, ...), of the load (`depth_mm`, `shear_mm`, `shear_y_mm`, `plate_tilt_deg`, `grip_mm`,
         `friction`, `imperfection_N`, `frequency_Hz`, `speed_mm_per_s`; NaN as `grip_mm` means no grip) and `magnet`
-        (rigid or ignored), with the names that `magtip sweep` writes; `depth_mm` or `grip_mm` must be there unless
-        only critical depths, or modes of the unloaded sensor, are asked for. A million rows take seconds if they
-        share a few thousand stored problems, some seven minutes if the mechanics of all differ. A cell that is no
-        number, or out of its field's bounds, makes its row a bad_input.
+        (rigid, or ignored: silicone, for all models), with the names that `magtip sweep` writes; `depth_mm` or
+        `grip_mm` must be there unless only critical depths, or modes of the unloaded sensor, are asked for. A million
+        rows take seconds if they share a few thousand stored problems, some seven minutes if the mechanics of all
+        differ. A cell that is no number, or out of its field's bounds, makes its row a bad_input.
     models : names of models: `fem` (accuracy standard), `fem:quick`, `fem:fine`, `fem:half-quick` and so on;
         `tolerance:2%` (for each case the cheapest model that is known to meet it); `surrogate`; levels of the
         formulas: paper, column, tip, magnet, finite; or a `FemModel` with an accuracy and a name of its own.
@@ -134,7 +138,10 @@ def answer(
     A table with the index of `cases`: its fields, then for each model force (N), shift (mm), tilt (rad), contact
     radius (mm), readings (mT and V) and so on under the column names of `magtip sweep`, such as `fem_force_N`;
     errors against the reference in %; estimated relative errors (half widths of 90 % intervals for the surrogate);
-    `status` (ok, unstable, not_converged, bad_input, ...) and `message`. What a model cannot answer is NaN.
+    of several models a status of each (`fem_status`, `surrogate_status`, `analytic_status`: ok, unstable,
+    not_converged, bad_input, ...); `status` of the row and `message`. What a model cannot answer is NaN. The row's
+    status is that of the finest finite elements, and of critical depths, modes and so on where these are asked for;
+    without finite elements it is ok where any model answers.
 
     Raises
     ------
@@ -148,15 +155,9 @@ def answer(
     possible = np.flatnonzero(reasons == "")
     factor = Factor(tuple(fields), tuple(values[possible] for values in fields.values()), sampled=True)
     plan = _plan(base or paper(), factor, models, asked, reference)
-    with _opened(store) as states:
+    with sweep.store_of(plan, Path(store) if isinstance(store, str) else store) as states:
         parts = list(sweep.run(plan, None, states, processes=processes, progress=progress)) if len(possible) else []
-    return _joined(fields, parts, reasons).set_axis(cases.index)
-
-
-def _opened(store: stores.Store | Path | str | None) -> contextlib.AbstractContextManager[stores.Store]:
-    if isinstance(store, stores.Store):
-        return contextlib.nullcontext(store)
-    return stores.opened(Path(store or stores.default()))
+    return _joined(fields, parts or [sweep.without_rows(plan)], plan, reasons).set_axis(cases.index)
 
 
 def _fields(cases: pd.DataFrame, *, needs_load: bool) -> tuple[dict[str, Values], Values]:
@@ -174,32 +175,35 @@ def _fields(cases: pd.DataFrame, *, needs_load: bool) -> tuple[dict[str, Values]
 def _plan(
     base: Design, factor: Factor, models: Sequence[str | FemModel], asked: tuple[QuantityName, ...], reference: str
 ) -> Plan:
-    fem, formulas = models_of([model for model in models if isinstance(model, str)])
-    fem += tuple(model for model in models if isinstance(model, FemModel))
+    named, formulas = models_of([model for model in models if isinstance(model, str)])
+    fem = coarsest_first([*named, *(model for model in models if isinstance(model, FemModel))])
+    names = [*(model.name for model in fem), *formulas]
+    if twice := [name for name in names if names.count(name) > 1]:
+        raise BadInput(f"two models have the name {twice[0]}: give one FemModel another name")
     magnet: Magnet = "rigid" if base.shape.has_magnet else "ignored"
     truth = model_name(reference) if reference else ""
     plan = Plan(base, (factor,), {}, magnet, fem, formulas, asked, truth)
     readings = base.shape.has_magnet or {"magnet_diameter", "magnet_height"} & set(factor.names)
     plan = completed(plan, [name for name in DEFAULT_QUANTITIES if name != "readings" or readings])
-    if reference and plan.truth not in (*(model.name for model in fem), *formulas):
+    if reference and plan.truth not in names:
         raise BadInput(f"the reference {reference!r} is not among the models: add it to them")
     return plan
 
 
-def _joined(given: Mapping[str, Any], parts: Sequence[Columns], reasons: Values) -> pd.DataFrame:
+def _joined(given: Mapping[str, Any], parts: Sequence[Columns], plan: Plan, reasons: Values) -> pd.DataFrame:
     """Return the answers of the possible cases, and the reasons of the others, in the order of the cases."""
     import pandas as pd
 
     refused = reasons != ""
     fields = pd.DataFrame({study_input.column(name): values for name, values in given.items()})
-    frames = [pd.DataFrame(part) for part in parts]
-    answers = pd.concat(frames, ignore_index=True) if frames else fields.iloc[:0]
+    answers = pd.concat([pd.DataFrame(part) for part in parts], ignore_index=True)
     if not refused.any():
         return answers
     answers = answers.set_axis(np.flatnonzero(~refused)).reindex(range(len(refused)))
     for column in fields:
         answers[column] = fields[column]
-    answers.loc[refused, "status"], answers.loc[refused, "message"] = "bad_input", reasons[refused]
+    answers.loc[refused, [*status_columns(plan).values(), "status"]] = "bad_input"
+    answers.loc[refused, "message"] = reasons[refused]
     return answers
 
 

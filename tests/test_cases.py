@@ -72,6 +72,66 @@ def test_errors_are_relative_to_the_reference_that_is_named(ask):
         ask(columns, ["paper"], reference="fem")
 
 
+def test_the_reference_is_the_finest_model_whatever_their_order(ask):
+    own = FemModel("coarse", replace(QUICK, section_size=0.25, section_patch=0.03))
+    found = ask({"depth_mm": [0.5]}, ["fem:quick", own], quantities=["force"]).iloc[0]
+    error = 100 * (found["fem_coarse_force_N"] / found["fem_quick_force_N"] - 1)
+    assert found["force_error_percent"] == pytest.approx(error, rel=1e-9)
+    assert found["fem_coarse_status"] == found["fem_quick_status"] == "ok"
+
+
+def test_an_ignored_magnet_is_silicone_for_formulas_too(ask):
+    columns = {"depth_mm": [1.0, 1.0], "magnet": ["rigid", "ignored"]}
+    found = ask(columns, ["fem:quick", "finite"], quantities=["force", "decoded_force_error"])
+    bare = replace(paper(), magnet_diameter=0.0, magnet_height=0.0)
+    for design, force in zip([paper(), bare], found["analytic_force_N"], strict=True):
+        assert force == pytest.approx(beam.solve(design, Load(1.0), "finite").force[2], rel=1e-12)
+    assert found["force_error_percent"].abs().max() < 5
+    # its field is there all the same, and the forces behind it are those of the silicone
+    assert found["decoded_force_error_percent"].abs().max() < 10
+
+
+def test_each_model_has_its_own_status(ask):
+    """The surrogate refuses the deep press, a formula the tilted plate."""
+    found = ask({"depth_mm": [1.0, 2.9]}, ["fem:quick", "surrogate", "finite"], quantities=["force"])
+    assert list(found["surrogate_status"]) == ["ok", "bad_input"]
+    assert list(found["fem_status"]) == list(found["status"]) == ["ok", "ok"]
+    assert "the surrogate knows" in found["message"].iloc[1]
+    found = ask({"depth_mm": [0.5, 0.5], "plate_tilt_deg": [0.0, 5.0]}, ["surrogate", "finite"], quantities=["force"])
+    assert list(found["analytic_status"]) == list(found["status"]) == ["ok", "bad_input"]
+
+
+def test_formulas_alone_open_no_store(ask, tmp_path):
+    ask({"depth_mm": [1.0]}, ["paper", "surrogate"], quantities=["force"])
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("quantities", [["force", "readings"], ["response", "modes", "critical_depth", "cycle"]])
+def test_rows_that_are_all_refused_keep_their_columns(ask, quantities):
+    rate = {"speed_mm_per_s": [1.0, 1.0]} if "cycle" in quantities else {}
+    models, options = ["fem:quick", "paper", "surrogate"], {"quantities": quantities}
+    lost = ask({"depth_mm": ["x", "y"]} | rate, models, **options)
+    assert list(lost["status"]) == list(lost["fem_status"]) == ["bad_input"] * 2
+    if not rate:
+        assert list(lost) == list(ask({"depth_mm": [0.5, 0.5]}, models, **options))
+
+
+def test_rows_without_a_grip_share_a_problem():
+    table = cases.table([(paper(), Load(0.5), "rigid")] * 3)
+    factor = Factor(("depth", "grip"), (table["depth_mm"].to_numpy(), table["grip_mm"].to_numpy()))
+    assert np.isnan(factor.values[1]).all()
+    assert len(Cases(replace(PLAN, factors=(factor,))).distinct_problems()) == 1
+
+
+def test_a_law_without_its_numbers_is_the_neo_hookean_one(ask):
+    columns = {"law": ["neo-hookean", "yeoh", "ogden"], "depth_mm": [0.5] * 3}
+    found = ask(columns, ["fem:quick", "surrogate"], quantities=["force"])
+    assert list(found["solve"]) == [1, 1, 1]
+    assert found["surrogate_force_N"].nunique() == 1
+    other = ask({"law": ["yeoh"], "yeoh_2": [0.1], "depth_mm": [0.5]}, ["finite"]).iloc[0]
+    assert "the formulas use E and nu only, not the law yeoh" in other["message"]
+
+
 def test_a_case_that_is_impossible_is_a_row_with_its_reason(ask):
     found = ask({"D_mm": [8, math.nan, -1, "wide"], "depth_mm": [1, 1, 1, 1]}, ["paper"])
     assert list(found["status"]) == ["ok", "bad_input", "bad_input", "bad_input"]
@@ -121,12 +181,25 @@ def test_a_table_of_designs_and_loads_is_solved_with_an_accuracy_of_its_own(ask)
     loads = [Load(0.5, 0.2, friction="stick", plate_tilt=0.05), Load(0.0, 0.5, friction="stick", grip=5.0)]
     asked = cases.table(zip(designs, loads, ["rigid", "ignored"], strict=True))
     assert "D_mm" not in asked
+    # the elements of the second sensor do not stay in the base of the first
+    assert list(asked["l0_mm"]) == [7.2, 11.0]
     coarse = replace(QUICK, name="coarse", section_size=0.2, harmonics=1)
     found = ask(asked, [cases.FemModel("coarse", coarse)], quantities=["force"])
     for k, (design, load, magnet) in enumerate(zip(designs, loads, ["rigid", "ignored"], strict=True)):
         expected = solve(design, load, coarse, magnet=magnet).response.force
         row = found.iloc[k]
         assert [row["fem_force_x_N"], row["fem_force_N"]] == pytest.approx([expected[0], expected[2]], rel=1e-6)
+
+
+def test_a_table_keeps_what_designs_say_of_their_elements_and_branches(ask):
+    designs = [replace(paper(), L=12.0), replace(paper(), prony="0.2:0.1 0.1:1")]
+    asked = cases.table([(design, Load(0.5), "rigid") for design in designs])
+    assert list(asked["l0_mm"]) == [7.2, 7.2]
+    assert list(asked["prony"]) == ["", "0.2:0.1 0.1:1"]
+    found = ask(asked, ["paper"], quantities=["force", "readings"])
+    assert list(found["l0_mm"]) == [7.2, 7.2]
+    wrong = ask(asked.assign(prony=["0.2:x", 1.0]), ["paper"], quantities=["force"])
+    assert list(wrong["status"]) == ["bad_input"] * 2
 
 
 def test_the_tolerance_chooses_for_each_row(ask):
@@ -143,6 +216,8 @@ def test_the_tolerance_chooses_for_each_row(ask):
         ({"depth_mm": [1]}, {"models": "paper"}, "models must be a list of names; got 'paper'"),
         ({"depth_mm": [1]}, {"models": ["fim"]}, "there is no model 'fim'"),
         ({"depth_mm": [1]}, {"models": ["fem", "fem:standard"]}, "given twice"),
+        ({"depth_mm": [1]}, {"models": ["fem:quick", FemModel("quick", QUICK)]}, "two models have the name quick"),
+        ({"depth_mm": [1]}, {"models": ["paper", FemModel("paper", QUICK)]}, "two models have the name paper"),
         ({"depth_mm": [1]}, {"quantities": ["modes"]}, "needs finite elements"),
         ({"depth_mm": [1]}, {"models": ["surrogate"], "quantities": ["critical_depth"]}, "needs finite elements"),
         ({"depth_mm": [1]}, {"models": ["fem", "tolerance:1%"]}, "chooses the finite elements"),

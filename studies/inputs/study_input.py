@@ -55,7 +55,7 @@ SPACINGS = {"lin": "linspace", "log": "logspace"}
 class Quantity:
     """What an axis can be: unit, range of numbers, and the names that it accepts besides or instead of numbers.
 
-    `open_low` is True where the lower bound itself is refused.
+    `open_low` is True where the lower bound itself is refused. A `text` may be any text, in a table of cases only.
     """
 
     unit: str
@@ -64,6 +64,7 @@ class Quantity:
     names: tuple[str, ...] = ()
     is_number: bool = True
     open_low: bool = False
+    text: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,8 +91,8 @@ DESIGN = {
     else Quantity(spec.metadata["unit"], spec.metadata["low"], spec.metadata["high"])
     for name, spec in FIELDS.items()
     if "choices" in spec.metadata or "low" in spec.metadata
-}
-"""Fields of a design that can vary; a study's base design states those that are free text."""
+} | {"prony": Quantity("1", is_number=False, text=True)}
+"""Fields of a design that can vary: all but the name of the silicone."""
 LOAD = {
     "depth": Quantity("mm", 0.0, open_low=True),
     "shear": Quantity("mm"),
@@ -127,11 +128,11 @@ def column(name: str) -> str:
 
 def check_name(name: str) -> None:
     """Raise BadInput unless an axis has this name."""
-    if name in AXES:
+    if name in AXES and not AXES[name].text:
         return
-    if name in FIELDS and name not in DESIGN:
+    if name in FIELDS:
         raise BadInput(f"{name} is a text and no axis: state it in the design, or vary loss_factor")
-    remedy = nearest(name, AXES)
+    remedy = nearest(name, [axis for axis in AXES if not AXES[axis].text])
     if not remedy.startswith("did you mean"):
         remedy = f"an axis is a field of the design or the load, such as {', '.join(COMMON)}"
     raise BadInput(f"there is no axis {name!r}: {remedy}")
@@ -157,6 +158,8 @@ def fault(name: str, value: Value, given: object = None, *, open_low: bool = Fal
     `given` stood in place of a value that is no number, and `open_low` allows a bound that an axis must exceed.
     """
     quantity = AXES[name]
+    if quantity.text:
+        return "" if isinstance(value, str) else f"must be a text; got {value if given is None else given!r}"
     if isinstance(value, str):
         wanted = [*quantity.names, *(["a number"] if quantity.is_number else [])]
         return "" if value in quantity.names else f"must be {_listed(wanted)}; got {value!r}"

@@ -102,8 +102,13 @@ class Plan:
 
     @property
     def reference(self) -> FemModel | None:
-        """The finest finite-element model, which gives status and message; None if the study has none."""
+        """The finest finite-element model, which gives the status of a row; None if the study has none."""
         return self.fem[-1] if self.fem and not self.fem[-1].surrogate else None
+
+    @property
+    def solves(self) -> bool:
+        """Whether any model solves, and so needs a store; formulas and the surrogate do not."""
+        return not all(model.surrogate for model in self.fem)
 
     @property
     def depends_on_time(self) -> bool:
@@ -138,8 +143,9 @@ class Plan:
 class Problem:
     """What the mechanics depend on in a case, or the reason why it is impossible.
 
-    `design`, `load`: None if the case is impossible; `message` then gives the reason. The design's E is that of the
-    base design, unless the study has an imperfection or a quantity that depends on time.
+    `design`, `load`: None if the case is impossible; `message` then gives the reason. The design is that which all
+    models solve (`geometry.design.Design.for_mechanics`). Its E is that of the base design, unless the study has an
+    imperfection or a quantity that depends on time.
     """
 
     design: Design | None
@@ -251,7 +257,7 @@ class Cases:
         codes = {}
         for k in self.plan.matters(kind):
             factor, known = self.plan.factors[k], dict[tuple[Value, ...], int]()
-            columns = [v.tolist() for name, v in zip(factor.names, self._values[k], strict=True) if name not in idle]
+            columns = [_keys(v) for name, v in zip(factor.names, self._values[k], strict=True) if name not in idle]
             # a table may have most of its rows more than once but for what is idle
             codes[k] = np.array(
                 [known.setdefault(row, len(known)) for row in zip(*columns, strict=True)], dtype=np.int64
@@ -289,7 +295,7 @@ class Cases:
             fields["l0"] = DESIGN["l0"].high
         try:
             own_E = values.get("imperfection") or plan.depends_on_time
-            design = varied(plan.design, fields if own_E else fields | {"E": plan.design.E})
+            design = varied(plan.design, fields if own_E else fields | {"E": plan.design.E}).for_mechanics(magnet)
             magnet = magnet if design.shape.has_magnet else "ignored"
             load = load_of(values)
             check_load(design, load, magnet)
@@ -346,6 +352,13 @@ def _array(values: Sequence[Value] | NDArray[Any]) -> NDArray[Any]:
     return np.array(values, dtype=object if named else float)
 
 
+def _keys(values: NDArray[Any]) -> list[Any]:
+    """Return values as keys: NaN, which stands for no grip, is None, because it differs from itself."""
+    if values.dtype.kind != "f":
+        return list(values.tolist())
+    return [None if value != value else value for value in values.tolist()]
+
+
 def _value(value: Any) -> Value:
     return value if isinstance(value, str) else float(value)
 
@@ -384,8 +397,14 @@ def models_of(names: Sequence[str], tolerance: float | None = None) -> tuple[tup
                 f"a tolerance chooses the finite elements, which are given too ({solved[0]}): leave one out"
             )
         fem.append(FemModel("chosen", LEVELS["standard"], tolerance=tolerance))
-    fem.sort(key=lambda one: (not one.surrogate, one.model in ("half", "full"), -one.accuracy.section_size))
-    return tuple(fem), tuple(level for level in FORMULAS if level in formulas)
+    return coarsest_first(fem), tuple(level for level in FORMULAS if level in formulas)
+
+
+def coarsest_first(models: Sequence[FemModel]) -> tuple[FemModel, ...]:
+    """Return models of finite elements in the order of a `Plan`: the last one is the reference."""
+    return tuple(
+        sorted(models, key=lambda one: (not one.surrogate, one.model in ("half", "full"), -one.accuracy.section_size))
+    )
 
 
 def completed(plan: Plan, usual: Sequence[str] = DEFAULT_QUANTITIES) -> Plan:
@@ -393,7 +412,7 @@ def completed(plan: Plan, usual: Sequence[str] = DEFAULT_QUANTITIES) -> Plan:
     sideways = ("tilt",) if plan.loads_sideways else ()
     asked = plan.quantities or study_input.checked_quantities((*usual, *sideways))
     for name in ("decoded_force_error", *KINDS):
-        if name in asked and all(model.surrogate for model in plan.fem):
+        if name in asked and not plan.solves:
             raise BadInput(f"quantity {name} needs finite elements: add a model such as standard")
     if "decoded_force_error" in asked and not plan.formulas:
         raise BadInput("quantity decoded_force_error needs a level of the formulas: add a model such as finite")

@@ -6,6 +6,10 @@ reference, the last finite-element model of the study, in %.
 
 Columns of a model begin with `fem_` or `analytic_`; if a study has several models of a kind, with their names too:
 `fem_quick_`, `analytic_finite_`.
+
+Each of several models has a status of its own in each row: `ok`, `unstable` and so on of finite elements, `ok` or
+`bad_input` of formulas and of the surrogate. The row's `status` is that of the reference, and of the quantities that
+are paths of their own; without finite elements it is `ok` where any model answers.
 """
 
 from __future__ import annotations
@@ -15,7 +19,7 @@ import contextlib
 import itertools
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -26,11 +30,12 @@ from analytic.hall import batch_readings
 from analytic.parts import element_names
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
-from geometry.loads import Load, Response, rotation_of
+from geometry.loads import ANSWERED, Load, Response, rotation_of
 from geometry.relaxation import relaxation_of
 from studies.inputs import study_input
 from studies.mechanics import timed_quantities
 from studies.mechanics.path_solver import Answer, frequency_unit
+from studies.mechanics.solve_plan import IMPOSSIBLE
 from studies.mechanics.study_cases import Batch, Columns, Plan, Problem, Recent
 
 NAN = math.nan
@@ -72,6 +77,12 @@ def _prefix(kind: str, name: str, count: int) -> str:
     return f"{kind}_" if count == 1 else f"{kind}_{name.replace('-', '_')}_"
 
 
+def status_columns(plan: Plan) -> dict[str, str]:
+    """Return the column of each model's status by the model's name; none if the study has a single model."""
+    names = prefixes(plan)
+    return {name: f"{prefix}status" for name, prefix in names.items()} if len(names) > 1 else {}
+
+
 def error_prefix(plan: Plan, name: str) -> str:
     """Return the first part of an error's column: none if the study has one model besides the reference."""
     return "" if len(plan.fem) + len(plan.formulas) <= 2 else prefixes(plan)[name]
@@ -84,7 +95,7 @@ def spread(batch: Batch, responses: Sequence[Response | None]) -> Columns:
     """
     rows = [(NAN,) * 9 if r is None else (*r.force, *r.shift, r.tilt, r.tilt_y, r.contact_radius) for r in responses]
     # 1 for a possible sensor, else NaN, which every product keeps
-    each = np.array(rows)[batch.problem].T * _of_sensors(batch, lambda design: 1.0)
+    each = np.reshape(rows, (-1, 9))[batch.problem].T * _of_sensors(batch, lambda design: 1.0)
     each[:3] *= batch.E / _of_problems(batch, lambda design: design.E)
     names = ("force_x_N", "force_y_N", "force_N", "shift_x_mm", "shift_y_mm", "shift_z_mm")
     return dict(zip((*names, "tilt_rad", "tilt_y_rad", "contact_radius_mm"), each + 0.0, strict=True))
@@ -132,24 +143,17 @@ class Rows:
 
     def __init__(self, plan: Plan) -> None:
         self.plan = plan
-        self._formulas: Recent[tuple[Response | None, str]] = Recent()
+        self._formulas: Recent[Answer] = Recent()
         self._decoders: Recent[Any] = Recent(MOST_DECODERS)
         self.prefixes = prefixes(plan)
 
     def columns(self, batch: Batch, solved: Solved) -> Columns:
         """Return the table of a batch."""
         plan = self.plan
-        remarks: list[list[str]] = [[] for _ in batch.problems]
-        results = {name: spread(batch, [a.response for a in answers]) for name, answers in solved.states.items()}
+        states = dict(solved.states)
         for level in plan.formulas:
-            formulas = [self._formula(level, *each) for each in zip(batch.codes, batch.problems, strict=True)]
-            for said, (_, remark) in zip(remarks, formulas, strict=True):
-                said += [remark] if remark and remark not in said else []
-            results[level] = spread(batch, [response for response, _ in formulas])
-        if "readings" in plan.quantities and {"magnet_diameter", "magnet_height"} & set(plan.axes):
-            for k, problem in enumerate(batch.problems):
-                if problem.design is not None and not problem.design.shape.has_magnet:
-                    remarks[k].append("without a magnet there are no readings")
+            states[level] = [self._formula(level, *each) for each in zip(batch.codes, batch.problems, strict=True)]
+        results = {name: spread(batch, [answer.response for answer in each]) for name, each in states.items()}
         table = self._axis_columns(batch)
         table |= self._mechanics(results)
         for quantity, (value, unit, factor) in OF_STATES.items():
@@ -164,12 +168,7 @@ class Rows:
             table |= OTHERS[name](plan, batch, answers)
         if "l0" not in plan.axes:
             table["l0_mm"] = _of_sensors(batch, lambda design: design.l0)
-        table |= self._verdict(batch, solved, remarks)
-        if not plan.fem:
-            # without finite elements a case without any formula has no result at all
-            without = np.all([np.isnan(result["force_N"]) for result in results.values()], axis=0)
-            table["status"][without] = "bad_input"
-        return table
+        return table | self._estimates(batch, solved) | self._verdict(batch, solved, states)
 
     def _axis_columns(self, batch: Batch) -> Columns:
         base, n = self.plan.design, len(batch)
@@ -197,55 +196,80 @@ class Rows:
                     table[f"{error}_error_percent"] = percents(results[model][name], results[plan.truth][name])
         return table
 
-    def _formula(self, level: str, code: int, problem: Problem) -> tuple[Response | None, str]:
-        def make() -> tuple[Response | None, str]:
+    def _formula(self, level: str, code: int, problem: Problem) -> Answer:
+        def make() -> Answer:
             if problem.design is None or problem.load is None:
-                return None, ""
+                return replace(IMPOSSIBLE, message=problem.message)
+            design = problem.design
             try:
-                return beam.solve(problem.design, problem.load, level), ""
+                response = beam.solve(design, problem.load, level)
             except BadInput as error:
-                return None, f"no formula: {error}"
+                return replace(IMPOSSIBLE, message=f"no formula: {error}")
+            unknown = f"the formulas use E and nu only, not the law {design.law}"
+            message = "" if design.law == "neo-hookean" else unknown
+            return Answer(design.D, design.E, response, "ok", message, NAN, 0.0)
 
         return self._formulas.get((level, code), make)
 
-    def _verdict(self, batch: Batch, solved: Solved, remarks: Sequence[Sequence[str]]) -> Columns:
+    def _estimates(self, batch: Batch, solved: Solved) -> Columns:
+        """Return the columns of error estimates, and of choices, numbers and times of solves."""
         table: Columns = {}
         several = len(self.plan.fem) > 1
         for name, answers in solved.states.items():
             column = f"{self.prefixes[name]}error_estimate" if several else "error_estimate"
-            table[column] = np.array([answer.error_estimate for answer in answers])[batch.problem]
+            table[column] = _of_answers(batch, [answer.error_estimate for answer in answers])
             for part in ("shift", "tilt", "sideways") if self.plan.loads_sideways else ("shift",):
                 estimates = [answer.estimates.get(part) for answer in answers]
                 table[column.replace("error", f"{part}_error")] = _of_answers(batch, estimates)
         reference = solved.states[self.plan.reference.name] if self.plan.reference is not None else ()
         zeros = [0] * len(batch.problems)
-        if solved.chosen:
-            names, bounds = zip(*solved.chosen, strict=True)
-            table["chosen_model"] = np.array(names, dtype=object)[batch.problem]
-            table["expected_error"] = np.array(bounds, dtype=float)[batch.problem]
+        if self.plan.reference is not None and self.plan.reference.tolerance is not None:
+            table["chosen_model"] = _texts(batch, [name for name, _ in solved.chosen])
+            table["expected_error"] = np.array([bound for _, bound in solved.chosen], dtype=float)[batch.problem]
         table["solve"] = np.array(solved.numbers or zeros)[batch.problem]
         table["seconds"] = np.array([a.seconds for a in reference] or zeros, dtype=float)[batch.problem]
-        status, message = zip(
-            *(self._state(solved, k, remarks[k], p) for k, p in enumerate(batch.problems)), strict=True
-        )
-        table["status"] = np.array(status, dtype=object)[batch.problem]
-        table["message"] = np.array(message, dtype=object)[batch.problem]
-        for k in (k for k, design in enumerate(batch.sensors) if design is None):
-            rows = (batch.sensor == k) & (table["status"] != "bad_input")
-            table["status"][rows], table["message"][rows] = "bad_input", batch.sensor_messages[k]
         return table
 
-    def _state(self, solved: Solved, k: int, remarks: Sequence[str], problem: Problem) -> tuple[str, str]:
+    def _verdict(self, batch: Batch, solved: Solved, states: Mapping[str, Sequence[Answer]]) -> Columns:
+        """Return the status of each model, and status and message of the row; `states` are those of all models."""
+        own = status_columns(self.plan)
+        table = {own[name]: _texts(batch, [a.status for a in each]) for name, each in states.items() if name in own}
+        rows = [self._state(solved, states, k, problem) for k, problem in enumerate(batch.problems)]
+        table["status"] = _texts(batch, [status for status, _ in rows])
+        table["message"] = _texts(batch, [message for _, message in rows])
+        read = "readings" in self.plan.quantities and {"magnet_diameter", "magnet_height"} & set(self.plan.axes)
+        for k, design in enumerate(batch.sensors):
+            if design is None:
+                rows_of = (batch.sensor == k) & (table["status"] != "bad_input")
+                table["message"][rows_of] = batch.sensor_messages[k]
+                for name in (*own.values(), "status"):
+                    table[name][rows_of] = "bad_input"
+            elif read and not design.shape.has_magnet:
+                for row in np.flatnonzero((batch.sensor == k) & (table["status"] != "bad_input")).tolist():
+                    texts = (table["message"][row], "without a magnet there are no readings")
+                    table["message"][row] = "; ".join(filter(None, texts))
+        return table
+
+    def _state(
+        self, solved: Solved, states: Mapping[str, Sequence[Answer]], k: int, problem: Problem
+    ) -> tuple[str, str]:
         if problem.design is None:
             return "bad_input", problem.message
-        answers = [solved.states[model.name][k] for model in reversed(self.plan.fem)]
-        answers += [others[k] for others in solved.others.values()]
-        worst = next((answer for answer in answers if answer.status != "ok"), None)
-        texts = [answer.message for answer in answers if answer.message]
-        status, buckled = worst.status if worst else "ok", ""
+        others = [each[k] for each in solved.others.values()]
+        # the reference is the last model that is no formula
+        models = [
+            states[name][k] for name in (*(model.name for model in reversed(self.plan.fem)), *self.plan.formulas)
+        ]
+        texts = [answer.message for answer in (*models, *others)]
+        judged = [models[0], *others] if self.plan.reference else models
+        if self.plan.reference:
+            status = next((answer.status for answer in judged if answer.status != "ok"), "ok")
+        else:
+            status = next((answer.status for answer in judged if answer.status in ANSWERED), "bad_input")
+        buckled = ""
         if "critical_depth" in solved.others:
             status, buckled = with_critical(status, solved.others["critical_depth"][k], problem)
-        return status, "; ".join(filter(None, dict.fromkeys([*texts, buckled, *remarks])))
+        return status, "; ".join(filter(None, dict.fromkeys([*texts, buckled])))
 
     # Readings of the Hall elements, and forces that the formulas decode from them
 
@@ -324,11 +348,12 @@ class Rows:
         truth = results[reference.name]
         true = np.stack([truth[name] for name in ("force_x_N", "force_y_N", "force_N")], axis=1)
         output = self._read(batch, truth)[1]
+        magnets = _texts(batch, [problem.magnet for problem in batch.problems])
         for level in self.plan.formulas:
             force = np.full((len(batch), 3), NAN)
-            for k, design in enumerate(batch.sensors):
-                rows = np.flatnonzero((batch.sensor == k) & np.isfinite(output).all(axis=1))
-                decoder = self._decoder(level, design) if design is not None and len(rows) else None
+            for (k, design), magnet in itertools.product(enumerate(batch.sensors), ("rigid", "ignored")):
+                rows = np.flatnonzero((batch.sensor == k) & (magnets == magnet) & np.isfinite(output).all(axis=1))
+                decoder = self._decoder(level, design, magnet) if design is not None and len(rows) else None
                 if decoder is not None:
                     from analytic.decode import decode, field_of
 
@@ -342,17 +367,17 @@ class Rows:
             table[f"{prefix}force_error_percent"] = 100 * ratio(difference, size)
         return table
 
-    def _decoder(self, level: str, design: Design) -> Any:
+    def _decoder(self, level: str, design: Design, magnet: str) -> Any:
         """Return the decoder of a sensor at the base design's E, or None if it cannot be made."""
         from analytic.decode import decoder
         from studies.sensing.decode_readings import of_level
 
         def make() -> Any:
             with contextlib.suppress(BadInput):
-                return decoder(design, of_level(design, level))
+                return decoder(design, of_level(design.for_mechanics(magnet), level))
             return None
 
-        return self._decoders.get((level, design), make)
+        return self._decoders.get((level, design, magnet), make)
 
 
 def with_critical(status: str, critical: Answer, problem: Problem) -> tuple[str, str]:
@@ -383,12 +408,14 @@ def _as_column(values: NDArray[Any]) -> NDArray[Any]:
 
 def _of_sensors(batch: Batch, value: Callable[[Design], float]) -> Array:
     """Return a number of each case's sensor; NaN for an impossible one."""
-    return np.array([NAN if design is None else value(design) for design in batch.sensors])[batch.sensor]
+    values = [NAN if design is None else value(design) for design in batch.sensors]
+    return np.array(values, dtype=float)[batch.sensor]
 
 
 def _of_problems(batch: Batch, value: Callable[[Design], float]) -> Array:
     """Return a number of the design whose mechanics each case shares; NaN for an impossible one."""
-    return np.array([NAN if p.design is None else value(p.design) for p in batch.problems])[batch.problem]
+    values = [NAN if p.design is None else value(p.design) for p in batch.problems]
+    return np.array(values, dtype=float)[batch.problem]
 
 
 # Critical depths, modes, vibrations, cycles
@@ -415,9 +442,7 @@ def _critical_columns(_: Plan, batch: Batch, answers: Sequence[Answer]) -> Colum
         "critical_depth_error_estimate": _of_answers(batch, [answer.error_estimate for answer in answers]),
         "critical_force_N": force * batch.E * D**2,
         "stable_to_mm": stable * D,
-        "critical_depth_verdict": np.array([critical_verdict(answer) for answer in answers], dtype=object)[
-            batch.problem
-        ],
+        "critical_depth_verdict": _texts(batch, [critical_verdict(answer) for answer in answers]),
     }
 
 
@@ -429,16 +454,15 @@ def _mode_columns(_: Plan, batch: Batch, answers: Sequence[Answer]) -> Columns:
         values = [(answer.values.get("frequency") or [None] * 3)[k] for answer in answers]
         table[f"mode{k + 1}_Hz"] = _of_answers(batch, values) * scale
     shapes = [(answer.values.get("shape") or [None])[0] for answer in answers]
-    return table | {"mode1_shape": np.array(shapes, dtype=object)[batch.problem]}
+    return table | {"mode1_shape": _texts(batch, shapes)}
 
 
 def _response_columns(plan: Plan, batch: Batch, answers: Sequence[Answer]) -> Columns:
     """Return -3 dB bandwidth, first resonance and its Q; with a frequency also gain and phase there, degrees."""
     named = ("response_bandwidth_Hz", "response_resonance_Hz", "response_Q")
     at = ("response_gain", "response_phase_deg") if "frequency" in {*plan.load, *plan.axes} else ()
-    numbers = np.array(
-        [_vibration(plan, problem, answer) for problem, answer in zip(batch.problems, answers, strict=True)]
-    )[batch.problem]
+    found = [_vibration(plan, problem, answer) for problem, answer in zip(batch.problems, answers, strict=True)]
+    numbers = np.reshape(found, (-1, 5))[batch.problem]
     columns = dict(zip((*at, *named), numbers.T[0 if at else 2 :], strict=True))
     return {name: np.ascontiguousarray(values) for name, values in columns.items()}
 
@@ -484,7 +508,11 @@ OTHERS: dict[str, Callable[[Plan, Batch, Sequence[Answer]], Columns]] = {
 
 
 def _of_answers(batch: Batch, values: Sequence[float | None]) -> Array:
-    return np.array([NAN if value is None else value for value in values])[batch.problem]
+    return np.array([NAN if value is None else value for value in values], dtype=float)[batch.problem]
+
+
+def _texts(batch: Batch, values: Sequence[str | None]) -> NDArray[Any]:
+    return np.array(values, dtype=object)[batch.problem]
 
 
 def flat_rows(table: Mapping[str, NDArray[Any]]) -> Iterator[dict[str, Any]]:

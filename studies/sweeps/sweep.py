@@ -41,7 +41,7 @@ from studies.mechanics.study_cases import (
 from studies.output import atomic_files, console, table_files
 from studies.output.records import FlatRow
 from studies.output.result import Result, Table
-from studies.sweeps.study_rows import Rows, Solved, flat_rows
+from studies.sweeps.study_rows import Rows, Solved, flat_rows, status_columns
 
 if TYPE_CHECKING:
     from studies.inputs.option_groups import Sweep
@@ -61,7 +61,7 @@ LARGE = 20_000
 def run(
     plan: Plan,
     folder: Path | None,
-    store: Store,
+    store: Store | None,
     *,
     processes: Processes = Processes(),
     progress: Progress | None = None,
@@ -76,6 +76,7 @@ def run(
     ----------
     folder : existing folder into which sweep.csv (sweep.parquet if there are many rows) and the pictures are written
         at the end; None writes nothing.
+    store : of solved states; None for a plan that does not solve.
 
     Raises
     ------
@@ -91,7 +92,9 @@ def run(
     cases = Cases(plan)
     name, other = ("sweep.parquet", "sweep.csv") if plan.count > LARGE else ("sweep.csv", "sweep.parquet")
     with contextlib.ExitStack() as stack:
-        solves = stack.enter_context(contextlib.closing(Solves(plan, cases, store, processes, progress)))
+        solves = None
+        if store is not None:
+            solves = stack.enter_context(contextlib.closing(Solves(plan, cases, store, processes, progress)))
         batches = _batches(plan, cases, solves)
         if folder is None:
             yield from (table for table, _ in batches)
@@ -116,16 +119,33 @@ def opened(
     plan: Plan, out: Path | None, progress: Progress, processes: Processes, store: Path | None = None
 ) -> Iterator[Iterator[Columns]]:
     """Yield the batches of a sweep's rows, see `run`; `store` is the store's file, default: the user's."""
-    with stores.opened(store or stores.default()) as states, atomic_files.results(out) as folder:
+    with store_of(plan, store) as states, atomic_files.results(out) as folder:
         yield run(plan, folder, states, processes=processes, progress=progress)
 
 
-def _batches(plan: Plan, cases: Cases, solves: Solves) -> Iterator[tuple[Columns, NDArray[np.int64]]]:
+def store_of(plan: Plan, store: Store | Path | None) -> contextlib.AbstractContextManager[Store | None]:
+    """Open the store of a plan, default: the user's; None if nothing is solved. A store that is open stays open."""
+    if isinstance(store, Store) or not plan.solves:
+        return contextlib.nullcontext(store if isinstance(store, Store) else None)
+    return stores.opened(store or stores.default())
+
+
+def without_rows(plan: Plan) -> Columns:
+    """Return the columns of a plan that has no case."""
+    batch = Cases(plan).batch(np.arange(0))
+    states: dict[str, list[Answer]] = {model.name: [] for model in plan.fem}
+    return Rows(plan).columns(batch, Solved(states, (), {name: [] for name in KINDS if name in plan.quantities}))
+
+
+def _batches(plan: Plan, cases: Cases, solves: Solves | None) -> Iterator[tuple[Columns, NDArray[np.int64]]]:
     """Yield tables with the indices of their cases; a batch ends before a case whose path is not solved yet."""
     rows = Rows(plan)
     for first in range(0, plan.count, BATCH):
         indices = np.arange(first, min(first + BATCH, plan.count))
         batch = cases.batch(indices)
+        if solves is None:
+            yield rows.columns(batch, _solved(plan, batch, (), None)), indices
+            continue
         targets = [solves.targets(code, problem) for code, problem in zip(batch.codes, batch.problems, strict=True)]
         done = 0
         while done < len(indices):
@@ -141,7 +161,11 @@ def _batches(plan: Plan, cases: Cases, solves: Solves) -> Iterator[tuple[Columns
                 solves.wait(next(t.key for t in targets[batch.problem[done]].values() if not solves.is_solved(t.key)))
 
 
-def _solved(plan: Plan, batch: Batch, targets: Sequence[Mapping[str, Target]], solves: Solves) -> Solved:
+def _solved(plan: Plan, batch: Batch, targets: Sequence[Mapping[str, Target]], solves: Solves | None) -> Solved:
+    """Return the answers to the problems of a batch; without `solves` the surrogate's alone."""
+    surrogate = {model.name: surrogate_answers(batch.problems) for model in plan.fem if model.surrogate}
+    if solves is None:
+        return Solved(surrogate, (), {})
     present = set(np.unique(batch.problem).tolist())
 
     def of(name: str) -> list[Answer]:
@@ -155,7 +179,7 @@ def _solved(plan: Plan, batch: Batch, targets: Sequence[Mapping[str, Target]], s
 
     own = [kinds[plan.reference.name] for kinds in targets] if plan.reference else []
     return Solved(
-        states={m.name: surrogate_answers(batch.problems) if m.surrogate else of(m.name) for m in plan.fem},
+        states=surrogate | {model.name: of(model.name) for model in plan.fem if not model.surrogate},
         numbers=[solves.numbers.get(target.key, 0) for target in own],
         chosen=[choice(target) for target in own] if plan.reference and plan.reference.tolerance else [],
         others={name: of(name) for name in KINDS if name in plan.quantities},
@@ -256,6 +280,10 @@ class Shown:
         self.plan = plan
         self.case = tuple(dict.fromkeys((*CASE, *(study_input.column(name) for name in plan.axes))))
         self.count = self.unstable = self.failed = self.beyond = 0
+        # a case fails where finite elements of any accuracy do
+        own = status_columns(plan)
+        solved = [own[model.name] for model in plan.fem if model.name in own and not model.surrogate]
+        self.statuses = ("status", *solved)
         self.rows: list[FlatRow] = []
         self.failures: list[FlatRow] = []
         self.chosen: Counter[str] = Counter()
@@ -267,7 +295,7 @@ class Shown:
             self.unstable += row["status"] == "unstable"
             self.beyond += row["status"] == UNMET
             self.chosen[row.get("chosen_model", "")] += 1
-            if row["status"] not in ANSWERED:
+            if any(row[name] not in ANSWERED for name in self.statuses):
                 self.failed += 1
                 self.failures += [row] if len(self.failures) < MOST_SHOWN else []
             self.rows += [row] if len(self.rows) < MOST_SHOWN else []
@@ -280,7 +308,7 @@ class Shown:
             many = f"{self.count} of {self.plan.count} rows"
             blocks = [f"{many}; --out FOLDER or --json has them, a table on the screen does not."]
         elif self.rows:
-            answered = [row for row in self.rows if row["status"] in ANSWERED]
+            answered = [row for row in self.rows if all(row[name] in ANSWERED for name in self.statuses)]
             blocks = [table(self.rows, "Sweep", self.case), *console.remarks(answered, self.case, self.rows)]
         return Result(title="Sweep", records=[], shown=blocks)
 
@@ -308,6 +336,10 @@ def table(rows: Sequence[FlatRow], title: str, case: Sequence[str] = CASE) -> Ta
     """Return the table of the main results of both models; files and a wide table have all columns."""
     results, errors = _compared(rows[0])
     keys = _main_columns(rows[0], case)
+    # what a model alone could not answer
+    keys += tuple(
+        key for key in rows[0] if key.endswith("_status") and any(row[key] != row["status"] for row in rows)
+    )
     varying = [key for key in case if len({row.get(key) for row in rows}) > 1]
     first = ("status", *varying, f"fem_{results[0]}", f"analytic_{results[0]}", errors[0])
     brief = [key for key in rows[0] if key not in keys]

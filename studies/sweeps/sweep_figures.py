@@ -32,7 +32,7 @@ from studies.output.text_tables import quantity_name
 if TYPE_CHECKING:
     import pandas as pd
 
-MODELS = ("fem", "analytic", "chosen")
+MODELS = ("fem", "analytic", "chosen", "surrogate")
 """Beginnings of the columns of results; the name of an accuracy or of a level may follow."""
 PLAIN = ("response", "loop", "critical", "mode1")
 """Beginnings of the columns of results that the finite elements alone have."""
@@ -115,7 +115,8 @@ def model_name(column: str, end: str) -> str:
     if column == end:
         return "the formula" if "error" in end else "finite elements"
     kind, _, level = column.removesuffix(end).strip("_").partition("_")
-    base = {"fem": "finite elements", "analytic": "formula", "chosen": "chosen model"}.get(kind, "formula")
+    names = {"fem": "finite elements", "analytic": "formula", "chosen": "chosen model", "surrogate": "surrogate"}
+    base = names.get(kind, "formula")
     if kind == "analytic" and not level:
         return "the paper's formula"
     return f"{base}, {'level ' if kind == 'analytic' else ''}{level}" if level else base
