@@ -212,7 +212,7 @@ def test_a_head_of_blanks_is_read_at_once(head):
         ("--readings 1,2,3 --level paper --responses s", "give only one"),
         ("--readings 1,2,3 --responses none.jsonl", "no file"),
         ("--readings 1,2,3 --responses r.csv", "r.csv, line 1 is not JSON"),
-        ("--readings 1,2,3 --responses nan.jsonl", "nan.jsonl, line 2: numbers must be finite; got NaN"),
+        ("--readings 1,2,3 --responses nan.jsonl", "nan.jsonl, line 2 has a number that is not finite, NaN"),
         ("--readings 1,2,3 --responses other.jsonl", "other.jsonl, line 1 is not a state"),
         ("--readings 1,2,3 --responses empty.csv", "both presses and shears"),
         ("--readings 1,2,3 --set l0=3 --set c=0", "inside the beam"),

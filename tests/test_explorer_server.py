@@ -310,16 +310,15 @@ def test_bad_input_has_the_sentence_of_the_command_line(loop, live, capsys, stat
 
 
 NONSENSE = {
-    "{": "the request is not valid JSON",
-    f'{{"number": {"9" * 5000}}}': "the request is not valid JSON",
+    "{": "the request is not JSON (expecting property name",
+    f'{{"number": {"9" * 5000}}}': "the request has a whole number of more than 19 digits",
     "[1]": "a request must be a table",
     "NaN": "a request must be a table",
     '{"number": "x"}': "number must be a whole number",
     '{"state": 3}': "state must be a table",
     '{"parts": ["none"]}': "parts must be a list",
-    '{"state": {"load": {"depth": %s}}}' % ("9" * 400): "depth must be a finite number; got 9999",
-    '{"state": {"design": {"D": -%s}}}' % ("9" * 400): "D must lie between ",
-    '{"state": {"load": {"depth": 1, "friction": %s}}}' % ("9" * 400): "friction must be a finite number; got 9999",
+    '{"state": {"load": {"depth": %s}}}' % ("9" * 400): "the request has a whole number of more than 19 digits",
+    '{"state": {"design": {"D": -%s}}}' % ("9" * 19): "the request has a whole number of more than 19 digits",
 }
 
 

@@ -40,6 +40,8 @@ VOLUME = 2e-3
 """Greatest relative error of a region's volume."""
 LEVEL = 0.7
 """Least vertical component of a facet's unit normal on base and lids; a facet of a wall has less."""
+MOST_BYTES = 500_000_000
+"""Largest file of a mesh: ten million quadratic tetrahedra."""
 SIDES = ("base", "skin", "symmetry", "magnet")
 REGIONS = ("silicone", "magnet")
 KINDS = ("tetra", "tetra10")
@@ -168,6 +170,8 @@ def _opened(path: str | Path, text: str) -> Any:
 
     if not Path(path).is_file():
         raise BadInput(f"there is no file {text}: check its path")
+    if Path(path).stat().st_size > MOST_BYTES:
+        raise BadInput(f"the mesh {text} has more than {MOST_BYTES // 1_000_000} MB: make a coarser one")
     try:
         with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
             return meshio.read(path)

@@ -28,11 +28,11 @@ from geometry.design import OF_TIME, BadInput, Design
 from geometry.loads import Load, check_load
 from studies.calibration import bench_file, calibrated_forces
 from studies.calibration.sensor_fit import Fit, Sensor, Unknowns
-from studies.inputs import table_input
 from studies.inputs.option_groups import Decoding, Pose, Reading
 from studies.inputs.user_input import parse_numbers
 from studies.mechanics.loading_cycles import MadeStates
 from studies.output import atomic_files, console
+from studies.output.bounded_files import json_object
 from studies.output.figures import table_of
 from studies.output.result import Result, of_record
 from studies.sensing import decode_readings, field_readings
@@ -90,7 +90,7 @@ def read(path: Path) -> Fit:
         The file is no calibration, of another version, or of one that failed.
     """
     try:
-        record = json.loads(table_input.text_of(path, "JSON"))
+        record = json_object(path)
         if record["format"] != FORMAT:
             raise BadInput(f"{path} has format {record['format']}; this magtip reads {FORMAT}: calibrate again")
         if record.get("failures"):

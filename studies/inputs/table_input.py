@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import csv
 import io
-import json
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -22,8 +21,8 @@ from geometry import design_digest
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Response
-from studies.inputs.user_input import text_of as text_of
 from studies.output import console
+from studies.output.bounded_files import LARGEST, MOST_ROWS, finite, json_in, text_of
 
 SEPARATORS = {";": "semicolons", "\t": "tabs", "|": "bars"}
 """Separators that spreadsheets and data loggers write between columns in place of commas."""
@@ -55,6 +54,7 @@ def csv_rows(path: Path, *, comments: bool = False) -> Rows:
     try:
         for row in reader:
             before = reader.line_num
+            _check_count(path, len(rows))
             if row and (len(row) > 1 or row[0].strip()):
                 rows.append((reader.line_num, row))
     except csv.Error as error:
@@ -68,6 +68,11 @@ def csv_rows(path: Path, *, comments: bool = False) -> Rows:
                     "and a point before decimals"
                 )
     return rows
+
+
+def _check_count(path: Path, count: int) -> None:
+    if count > MOST_ROWS:
+        raise BadInput(f"{str(path)!r} has more than {MOST_ROWS} rows, the most that is read: give a part of it")
 
 
 def check_rows(path: str | Path, rows: Rows) -> None:
@@ -145,10 +150,11 @@ class Measured:
         found = np.empty(len(self.rows))
         for k, cell in enumerate(self.cells(head)):
             value = number(cell or "nan" if holes else cell)
-            if value is None or not (math.isfinite(value) or (holes and math.isnan(value))):
+            bound = "" if value is None or not math.isfinite(value) else f", at most {LARGEST:g} in size"
+            if value is None or not (abs(value) <= LARGEST or (holes and math.isnan(value))):
                 raise BadInput(
-                    f"{self.path!r}, line {self.rows[k][0]}, column {head}: must be a finite number"
-                    f"{' or empty' if holes else ''}; got {cell!r:.40}{comma_remedy(cell)}"
+                    f"{self.path!r}, line {self.rows[k][0]}, column {head:.40}: must be a finite number"
+                    f"{' or empty' if holes else ''}{bound}; got {cell!r:.40}{comma_remedy(cell)}"
                 )
             found[k] = value
         return found
@@ -167,22 +173,14 @@ def json_objects(path: Path) -> Iterator[tuple[int, dict[str, Any]]]:
     for line, text in enumerate(text_of(path, "JSON lines").split("\n"), 1):
         if not text.strip():
             continue
+        _check_count(path, line)
         try:
-            record = json.loads(text, parse_constant=_finite, parse_float=_finite)
+            record = json_in(text, finite)
         except BadInput as error:
-            raise BadInput(f"{path}, line {line}: {error}") from None
-        except (ValueError, RecursionError):
-            raise BadInput(f"{path}, line {line} is not JSON: give one JSON object per line") from None
+            raise BadInput(f"{path}, line {line} {error}: give one JSON object per line") from None
         if not isinstance(record, dict):
             raise BadInput(f"{path}, line {line} must hold a JSON object, {{...}}; got {text.strip():.40}")
         yield line, record
-
-
-def _finite(text: str) -> float:
-    value = float(text)
-    if not math.isfinite(value):
-        raise BadInput(f"numbers must be finite; got {text}: leave this line out")
-    return value
 
 
 # Solved states: one line of `solve --json` or `analytic --json` for each

@@ -7,18 +7,16 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-import gzip
 import math
 import re
-import zlib
 from collections.abc import Iterable, Mapping, Sequence
-from pathlib import Path
 from typing import Any, Literal
 
 from geometry.bad_input import nearest, no_effect
 from geometry.design import PRESETS, BadInput, Design, paper
 from geometry.loads import Magnet
 from studies.output import console
+from studies.output.bounded_files import MOST_TOML, text_of, toml_in
 from studies.output.literals import toml
 
 AccuracyName = Literal["quick", "standard", "fine"]
@@ -192,43 +190,18 @@ def validated(name: str, table: Mapping[str, Any], kinds: Mapping[str, Any]) -> 
     raise BadInput(f"{name}: {key} must be {wanted}; got {first['input']!r:.60}")
 
 
-def text_of(path: str | Path, kind: str, what: str = "file", close: str = "", more: str = "") -> str:
-    """Return the text of a UTF-8 file, which may be packed (.gz), without the byte order mark that editors may write.
-
-    Parameters
-    ----------
-    kind : name of the file's format for messages, such as CSV.
-    what, close, more : what the path names, what may be meant, and a further remedy, for messages.
-    """
-    try:
-        data = Path(path).read_bytes()
-        return (gzip.decompress(data) if Path(path).suffix == ".gz" else data).decode("utf-8-sig")
-    except FileNotFoundError:
-        raise BadInput(f"there is no {what} {str(path)!r}: {close or f'check its path{more}'}") from None
-    except IsADirectoryError:
-        raise BadInput(f"{str(path)!r} is a folder: give a {kind} file{more}") from None
-    except UnicodeDecodeError:
-        raise BadInput(f"{str(path)!r} is not UTF-8 text: save it as a UTF-8 {kind} file") from None
-    except (OSError, ValueError, EOFError, zlib.error) as error:
-        cause = getattr(error, "strerror", None) or str(error)
-        raise BadInput(f"{str(path)!r} cannot be read ({cause}): check its path and permissions") from None
-
-
 def toml_table(path: str, what: str) -> dict[str, Any]:
     """Read the table in a TOML file; `what` names it in messages."""
     import difflib
-    import tomllib
 
     close, more = list[str](), ""
     if what != "file":
         close, more = difflib.get_close_matches(path.casefold(), PRESETS, n=1), f"; presets: {', '.join(PRESETS)}"
-    text = text_of(path, "TOML", what, f"did you mean {close[0]}?" if close else "", more)
+    text = text_of(path, "TOML", what, f"did you mean {close[0]}?" if close else "", more, MOST_TOML)
     try:
-        return tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
-        cause = str(error) if isinstance(error, tomllib.TOMLDecodeError) else "it is nested too deeply"
-        cause = cause.replace("at end of document", f"at the end, line {len(text.splitlines())}")
-        raise BadInput(f"{path!r} is not valid TOML: {cause}") from None
+        return toml_in(text)
+    except BadInput as error:
+        raise BadInput(f"{path!r} {error}") from None
 
 
 def warn_of_values(design: Design) -> None:
@@ -282,7 +255,7 @@ UNITS: dict[str, dict[str, float]] = {
     "1": {"%": 0.01},
 }
 """Units that may be written, by the unit that magtip uses; each with its factor. Unit "1" is that of pure numbers."""
-_TEXT = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*")
+_TEXT = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)(.*)")
 
 
 def quantity(name: str, value: object, unit: str, low: float = -math.inf, high: float = math.inf) -> float:
@@ -299,11 +272,11 @@ def quantity(name: str, value: object, unit: str, low: float = -math.inf, high: 
     number, factor = math.nan, 1.0
     if isinstance(value, (int, float)) and not isinstance(value, bool):
         number = float(value)
-    elif isinstance(value, str) and (match := _TEXT.fullmatch(value)):
-        known = {"": 1.0, **UNITS[unit]}
-        if match[2] not in known:
-            raise BadInput(f"{name}: {match[2]!r} is no unit for it: {nearest(match[2], UNITS[unit])}")
-        number, factor = float(match[1]), known[match[2]]
+    elif isinstance(value, str) and (match := _TEXT.fullmatch(value.strip())):
+        known, named = {"": 1.0, **UNITS[unit]}, match[2].strip()
+        if named not in known:
+            raise BadInput(f"{name}: {named!r:.40} is no unit for it: {nearest(named[:40], UNITS[unit])}")
+        number, factor = float(match[1]), known[named]
     pure = unit == "1"
     if not math.isfinite(number):
         kind = 'a number, such as 0.4 or "40 %"' if pure else f'a number in {unit}, such as 5 or "5 {unit}"'

@@ -18,6 +18,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from geometry.design import BadInput
+from studies.output.bounded_files import bytes_of, json_in
 
 LIST = ".magtip.files"
 """Name of the list of the files that magtip wrote into a folder."""
@@ -121,14 +122,14 @@ def _refusal(file: Path, reason: str, other: str) -> BadInput:
 
 def _listed(folder: Path) -> dict[str, set[str]] | None:
     try:
-        text = (folder / LIST).read_bytes().decode("utf-8", "replace")
-    except OSError:
+        lines = bytes_of(folder / LIST).splitlines()
+    except FileNotFoundError:
         return None
     digests: dict[str, set[str]] = {}
-    for line in text.splitlines():
+    for line in lines:
         # a line that a killed process has not finished lists nothing
-        with contextlib.suppress(ValueError, TypeError, KeyError):
-            entry = json.loads(line)
+        with contextlib.suppress(BadInput, TypeError, KeyError):
+            entry = json_in(line)
             digests.setdefault(str(entry["file"]), set()).add(str(entry["sha256"]))
     return digests
 

@@ -5,7 +5,6 @@ Pages of results say the same in a sentence (`made`); a folder of tables has onl
 
 from __future__ import annotations
 
-import json
 import platform
 import subprocess
 import tomllib
@@ -17,6 +16,7 @@ from typing import Any
 
 from geometry.design import BadInput
 from studies.output import atomic_files
+from studies.output.bounded_files import json_object
 from studies.output.literals import as_code
 
 NAME = "run.json"
@@ -56,16 +56,13 @@ def write(folder: Path, command: str, design: Mapping[str, Any], origin: str = "
 def read(file: Path) -> Run:
     """Read a record; one of a newer format raises `Newer`, and what is no record of a run BadInput."""
     try:
-        record = json.loads(file.read_text(encoding="utf-8"))
-        if not isinstance(record, dict):
-            raise TypeError
+        record = json_object(file)
         check_format(file, record)
-        run = Run(str(record["command"]), str(record["made"]), dict(record["design"]))
-    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
-        if isinstance(error, Newer):
-            raise
+        return Run(str(record["command"]), str(record["made"]), dict(record["design"]))
+    except Newer:
+        raise
+    except (BadInput, KeyError, TypeError, ValueError):  # dict() of what is none is a TypeError or a ValueError
         raise BadInput(f"{file.name} is no record of a run of magtip") from None
-    return run
 
 
 def check_format(file: Path, record: Mapping[str, Any]) -> None:

@@ -29,6 +29,7 @@ from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.messages import Progress
 from studies.output import atomic_files, console, own_files
+from studies.output.bounded_files import json_object
 from studies.output.records import FlatRow
 from studies.sensing import decode_readings
 
@@ -167,7 +168,7 @@ def _keep_part(part: Path, note: Path, key: str, count: int, slab: int) -> Itera
 def _resume(part: Path, note: Path, key: str, slab: int) -> tuple[int, int]:
     """Return the number of finished slabs of the table with this key, and the byte offset of the first slab."""
     try:
-        progress = json.loads(note.read_text("utf-8"))
+        progress = json_object(note)
         done, offset = int(progress["done"]), int(progress["offset"])
         # after a power failure the note may be on the disk, but not all slabs that it counts
         if progress["key"] == key and part.stat().st_size >= offset + done * slab:
@@ -183,7 +184,7 @@ def read(file: Path, design: Design) -> tuple[Array, dict[str, Any]]:
     A table without a label of its sensor is accepted with a warning.
     """
     try:
-        about = json.loads(file.with_suffix(".json").read_text("utf-8"))
+        about = json_object(file.with_suffix(".json"))
         table = np.load(file, mmap_mode="r")
         fits = table.shape == tuple(about["shape"]) and np.isfinite(about["tau"]).all()
     except (OSError, ValueError, KeyError, TypeError):

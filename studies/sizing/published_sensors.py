@@ -7,7 +7,6 @@ of the error of a made sensor, which has hysteresis, creep and the error of its 
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping
 from pathlib import Path
@@ -15,6 +14,7 @@ from typing import Any
 
 from geometry.design import BadInput
 from studies.inputs.user_input import quantity, toml_table
+from studies.output.bounded_files import json_object
 
 DATA = Path(__file__).with_name("published_sensors.toml")
 FOLDER = Path(__file__).resolve().parent.parent / "examples" / "sizing"
@@ -82,7 +82,7 @@ def reached_in(folder: Path) -> dict[str, dict[str, float]]:
         if not file.exists():
             continue
         try:
-            front = json.loads(file.read_text("utf-8"))["front"]
+            front = json_object(file)["front"]
             best = next((row for row in front if row["status"] == "ok"), None)
             if best is not None:
                 values = {name: (best[column], factor) for name, (_, column, factor) in QUANTITIES.items()}

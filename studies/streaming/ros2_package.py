@@ -8,6 +8,7 @@ from geometry.design import Design
 from studies.inputs.user_input import design_text
 from studies.output import page_templates
 from studies.output.atomic_files import write_text
+from studies.output.bounded_files import text_of
 from studies.output.result import Writer
 
 PACKAGE = "magtip_sensor"
@@ -31,5 +32,5 @@ def files(design: Design, calibration: Path | None = None) -> dict[str, Writer]:
     }
     texts |= {**MADE, CONFIG[0]: design_text(design)}
     if calibration is not None:
-        texts[CONFIG[1]] = calibration.read_text("utf-8")
+        texts[CONFIG[1]] = text_of(calibration, "JSON")
     return {f"ros2/{PACKAGE}/{name}": partial(write_text, text=text) for name, text in texts.items()}

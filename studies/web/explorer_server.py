@@ -29,6 +29,7 @@ import tornado.websocket
 
 from geometry.design import BadInput, paper
 from studies.inputs import user_input
+from studies.output.bounded_files import json_in
 from studies.web import explorer_workers, state_exports
 from studies.web.explorer_state import Request, explorer_fields, request_of, wrong_field
 from studies.web.explorer_workers import encoded, fault
@@ -243,9 +244,9 @@ class Live(Ours, tornado.websocket.WebSocketHandler):
 def parsed(text: str | bytes) -> object:
     """Return what a page has sent as JSON, or refuse it."""
     try:
-        return json.loads(text)
-    except (ValueError, RecursionError):
-        raise BadInput("the request is not valid JSON") from None
+        return json_in(text)
+    except BadInput as error:
+        raise BadInput(f"the request {error}") from None
 
 
 def refusal(content: object, sentence: str, field: str | None = None) -> str:

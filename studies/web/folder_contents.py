@@ -5,7 +5,6 @@ Files are recognised by name and content; what cannot be read is named with the 
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -19,6 +18,7 @@ from geometry.design import BadInput, Design
 from geometry.loads import ANSWERED
 from studies.inputs import table_input, user_input
 from studies.output import own_files, provenance
+from studies.output.bounded_files import LARGEST, MOST_BYTES, MOST_ROWS, json_object, text_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -118,7 +118,7 @@ def _read_file(contents: Contents, file: Path) -> None:
         contents.run = provenance.read(file)
     elif suffix == ".csv":
         contents.tables[name] = csv_table(file)
-        contents.texts[name] = table_input.text_of(file, "CSV")
+        contents.texts[name] = text_of(file, "CSV")
     elif suffix == ".parquet":
         contents.tables[name] = _parquet_table(file)
     elif suffix == ".jsonl":
@@ -126,7 +126,7 @@ def _read_file(contents: Contents, file: Path) -> None:
     elif suffix == ".json":
         contents.records[name] = _record(file)
     elif suffix == ".md":
-        contents.pages[name] = table_input.text_of(file, "Markdown")
+        contents.pages[name] = text_of(file, "Markdown")
     elif suffix == ".toml":
         contents.designs[name] = user_input.read_design(str(file))
     elif suffix in PICTURES:
@@ -148,7 +148,11 @@ def csv_table(file: Path) -> pd.DataFrame:
     head = [cell.strip() for cell in rows[0][1]]
     for line, row in rows[1:]:
         table_input.check_length(file, line, head, row)
-    return pd.DataFrame({name: column_of([row[k] for _, row in rows[1:]]) for k, name in enumerate(head)})
+    columns = {name: column_of([row[k] for _, row in rows[1:]]) for k, name in enumerate(head)}
+    for name, values in columns.items():
+        if values.dtype != object and (np.isfinite(values) & (np.abs(values) > LARGEST)).any():
+            raise BadInput(f"column {name:.40} has a number beyond {LARGEST:g}")
+    return pd.DataFrame(columns)
 
 
 def column_of(cells: Sequence[str]) -> Any:
@@ -161,10 +165,14 @@ def column_of(cells: Sequence[str]) -> Any:
 
 def _parquet_table(file: Path) -> pd.DataFrame:
     import pandas as pd
+    from pyarrow import ArrowException, parquet
 
     try:
+        about = parquet.read_metadata(file)
+        if about.num_rows > MOST_ROWS or about.num_rows * about.num_columns > MOST_BYTES // 8:
+            raise BadInput(f"it has {about.num_rows} rows of {about.num_columns} columns, more than are read")
         return pd.read_parquet(file)
-    except (OSError, ValueError) as error:
+    except (OSError, ArrowException) as error:
         raise BadInput(f"it is no Parquet table ({str(error).splitlines()[0]})") from None
 
 
@@ -188,12 +196,7 @@ def states_table(file: Path) -> pd.DataFrame:
 
 
 def _record(file: Path) -> dict[str, Any]:
-    try:
-        record = json.loads(table_input.text_of(file, "JSON"))
-    except (ValueError, RecursionError):
-        raise BadInput(f"{file.name} is not JSON") from None
-    if not isinstance(record, dict):
-        raise BadInput(f"{file.name} holds no JSON object")
+    record = json_object(file)
     # a JSON file of other origin may have a version of its own
     if file.name == SIZING:
         provenance.check_format(file, record)

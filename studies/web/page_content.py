@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from studies.output import figures
+from studies.output.bounded_files import bytes_of
 
 if TYPE_CHECKING:
     from markupsafe import Markup
@@ -167,6 +168,8 @@ def page_html(text: str, pictures: Mapping[str, str], used: MutableSet[str]) -> 
 WIDTH = 1100
 """Width of a picture in the page, pixels: that of the text on a screen with some reserve."""
 COLOURS = 64
+MOST_PICTURE = 20_000_000
+"""Largest file of a picture, bytes."""
 
 
 def sources(contents: Contents, replaced: set[str], room: int, remarks: list[str]) -> dict[str, str]:
@@ -174,13 +177,16 @@ def sources(contents: Contents, replaced: set[str], room: int, remarks: list[str
 
     Pictures that cannot be read, or for which there is no room, bytes, are named in `remarks`.
     """
+    from PIL import Image
+
     result: dict[str, str] = {}
     for name in contents.pictures:
         if name in replaced:
             continue
         try:
             source = _source(contents.path / name)
-        except (OSError, ValueError) as error:
+        # Pillow raises other errors than OSError for some damaged files, and its own for one of too many pixels
+        except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
             remarks.append(f"{name} was not read: it is no picture ({str(error).splitlines()[0]}).")
             continue
         if len(source) + sum(map(len, result.values())) > room:
@@ -194,7 +200,7 @@ def _source(path: Path) -> str:
     """Return a picture as an address; one of pixels gets fewer of them, and fewer colours."""
     if path.suffix.lower() == ".svg":
         # as an image, an SVG file runs no script and loads nothing
-        return f"data:image/svg+xml;base64,{base64.b64encode(path.read_bytes()).decode()}"
+        return f"data:image/svg+xml;base64,{base64.b64encode(bytes_of(path, MOST_PICTURE)).decode()}"
     from PIL import Image
 
     with Image.open(path) as picture:
