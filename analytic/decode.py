@@ -27,7 +27,7 @@ from analytic.parts import Element
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
 
-Status = pose_search.Status | Literal["tension", "uncalibrated", "frozen", "after_gap", "jump"]
+Status = pose_search.Status | Literal["tension", "uncalibrated", "frozen", "after_gap", "jump", "untimed"]
 Limit = Literal["depth", "shear", "workspace"]
 """Limit that a pose exceeds: the depth or the shear of the mechanics' samples, or the workspace of the design."""
 

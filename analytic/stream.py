@@ -43,13 +43,14 @@ class Stream:
         self.offset, self._past = zero_offset(self.coder, fields), None
         self.coder = zeroed(self._nominal, self.offset)
 
-    def step(self, field: tuple[float, ...], time: float = nan) -> Sample:
+    def step(self, field: tuple[float, ...], time: float | None = None) -> Sample:
         """Decode one row of readings, B.n of each element, T.
 
         Parameters
         ----------
         time : of the row, s: the row is compared with those before it, and the force is that of a silicone that
-            relaxes (`analytic.time_series`). Without times it is that of slow loading.
+            relaxes (`analytic.time_series`). Without times, or where one is not known (NaN, status untimed), it is
+            that of slow loading.
 
         Raises
         ------
@@ -65,7 +66,7 @@ class Stream:
         tilt, force, load, _ = state(self.coder, shift[:, None])
         if status == "ok" and self.coder.mechanics is not None and isnan(force[2, 0]):
             status = "tension"
-        if not isnan(time):
+        if time is not None:
             self._past = self._past or TimeSeries(self.coder, self._jitter)
             status, force = self._past.step(time, row, status, force[:, 0], load[:, 0])
         (x, y, z), (rx, ry), (f_x, f_y, f_n) = (values.ravel().tolist() for values in (shift, tilt, force))

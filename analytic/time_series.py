@@ -65,21 +65,42 @@ class RelaxingForce:
         self._times, self._grown = np.array(branches.times), np.array(branches.shares) / branches.rest
         self.slow, self._softening = moduli(design)[1] / design.E, softening(design)
         self._time, self._last, self._parts = math.nan, np.zeros(3), np.zeros((len(self._times), 3))
+        self._least, self._most = np.zeros(3), np.zeros(3)
+
+    @property
+    def relaxes(self) -> bool:
+        """Whether the silicone relaxes, so that its force depends on time."""
+        return bool(self._grown.any())
+
+    def reach(self, force: Array, shear: Array) -> float:
+        """Return the most that relaxation may add to the slow force of a row whose time is not known, N.
+
+        By parts, h_i(t) = (g_i / rest) times a mean of M(t) - M(s) over the past, at most its largest change.
+        """
+        resisted, leaning = self._resisted(force, shear)
+        change = np.linalg.norm(np.maximum(self._most - resisted, resisted - self._least))
+        return float(self._grown.sum() * change * (1 + np.linalg.norm(leaning)))
+
+    def _resisted(self, force: Array, shear: Array) -> tuple[Array, Array]:
+        slow, leaning = self.slow * np.asarray(force, dtype=float), self._softening * np.append(shear, 0.0)
+        return slow + leaning * slow[2], leaning
 
     def step(self, time: float, force: Array, shear: Array) -> Array:
         """Return the force (3,) at a time, s.
 
         Parameters
         ----------
-        time : not before that of the last step; a change within no time is elastic.
+        time : not before that of the last step; a change within no time is elastic. NaN where it is not known: the
+            force is that of slow loading, from which it may differ by `reach`.
         force, shear : force (3,) by the design's E without relaxation, and shear (2,) of the plate; NaN where they
             are not known, which gives NaN and is bridged by a straight line.
         """
-        slow = self.slow * np.asarray(force, dtype=float)
-        if not np.isfinite(slow).all():
+        resisted, leaning = self._resisted(force, shear)
+        if not np.isfinite(resisted).all():
             return np.full(3, np.nan)
-        leaning = self._softening * np.append(shear, 0.0)
-        resisted = slow + leaning * slow[2]
+        self._least, self._most = np.minimum(self._least, resisted), np.maximum(self._most, resisted)
+        if math.isnan(time):
+            return self.slow * np.asarray(force, dtype=float)
         if not math.isnan(self._time):
             x = max(time - self._time, INSTANT) / self._times
             gained = self._grown * -np.expm1(-x) / x
@@ -111,11 +132,15 @@ class RowChecks:
         self._time, self._jitter = math.nan, jitter
 
     def word(self, time: float, row: Array) -> Status:
-        """Return the status of a row (k,), T, at a time, s, by the rows before it: frozen, after_gap, jump or ok."""
+        """Return the status of a row (k,), T, at a time, s, by the rows before it: frozen, after_gap, jump or ok.
+
+        time : NaN where it is not known: then rows that are missing are not seen.
+        """
         interval, full = time - self._time, len(self._changes) == RECENT
         self._repeats = np.where(row == self._row, self._repeats + 1, 0)
         frozen = bool((self._dithered & (self._repeats >= REPEATS - 1)).any())
-        late = full and interval - self._jitter > LATE * sorted(self._intervals)[RECENT // 2]
+        known = sorted(self._intervals)
+        late = full and bool(known) and interval - self._jitter > LATE * known[len(known) // 2]
         # a single wrong row is a jump, but neither the way back from it nor a row that stays where a jump led
         changes = np.abs(row - np.stack([self._row, self._steady]))
         least = np.maximum(JUMP * np.max(self._changes, axis=0), self._least) if full else np.inf
@@ -126,7 +151,8 @@ class RowChecks:
             self._steady = row
             if np.isfinite(change).all():
                 self._changes.append(change)
-                self._intervals.append(interval)
+                if math.isfinite(interval):
+                    self._intervals.append(interval)
         self._time, self._row = time, row
         return "frozen" if frozen else "after_gap" if late else "jump" if jumps else "ok"
 
@@ -141,15 +167,19 @@ class TimeSeries:
     def step(self, time: float, row: Array, status: Status, force: Array, load: Array) -> tuple[Status, Array]:
         """Return status and force (3,) of a row (k,), T, at a time, s, from what its readings alone gave.
 
-        A frozen reading gives no force; a row after some without a force is `after_gap`, as one after missing rows.
+        A frozen reading gives no force; a row after some without a force is `after_gap`, as one after missing rows. A
+        row whose time is not known (NaN) has the force of slow loading, and is `untimed` if its silicone relaxes.
         """
         word, lost = self._checks.word(time, row), self._lost
         total = np.full(3, np.nan) if word == "frozen" else self._force.step(time, force, load[1:])
-        self._lost = bool(np.isnan(total).any())
+        untimed = math.isnan(time) and self._force.relaxes
+        self._lost = untimed or bool(np.isnan(total).any())
         if word == "frozen":
             return word, total
         if lost and word == "ok":
             word = "after_gap"
+        if untimed and word != "jump":
+            word = "untimed"
         return (word if word != "ok" and status in ("ok", "uncalibrated") else status), total
 
 

@@ -3,7 +3,9 @@
 import contextlib
 import csv
 import importlib
+import itertools
 import json
+import math
 import os
 import random
 import re
@@ -22,10 +24,15 @@ from browser import opened, said, wait
 from numpy.testing import assert_allclose
 
 import studies
+from analytic.decode import field_of
 from analytic.inverse import forward_model
+from analytic.parts import of_design
+from analytic.stream import Stream
 from geometry.design import BadInput, Design, paper
 from studies.cli import commands
-from studies.streaming import frames, live_stream
+from studies.inputs.option_groups import Decoding
+from studies.sensing import decode_readings
+from studies.streaming import clocks, frames, live_stream
 
 RECORDING = Path(studies.__file__).parent / "examples" / "recording.csv"
 CHIPS = 2
@@ -73,7 +80,9 @@ def test_frames_are_found_in_any_pieces(layout):
     found, reader = fed(layout, b"".join(sent(layout, k) for k in range(200)), random.Random(1))
     # what comes first may be the end of a frame
     first = 0 if layout == "aa" else 1
-    assert [list(row) for row in found] == [expected(layout, k) for k in range(first, 200)]
+    assert [list(row[: 3 * CHIPS]) for row in found] == [expected(layout, k) for k in range(first, 200)]
+    warm = [25.0] * CHIPS if layout in ("lines-xyzt", "anyskin") else []
+    assert [list(row[3 * CHIPS :]) for row in found] == [warm] * len(found)
     assert reader.lost <= 1
 
 
@@ -96,7 +105,7 @@ def test_cut_doubled_and_foreign_bytes_give_no_wrong_frame(layout):
         stream += frame
     found, reader = fed(layout, stream, chance)
     known = [expected(layout, k) for k in range(2000)]
-    wrong = [row for row in map(list, found) if row not in known]
+    wrong = [row for row in (list(row[: 3 * CHIPS]) for row in found) if row not in known]
     # 0xAA may also stand where a cut frame of this layout would end: once in 256
     assert len(wrong) <= (faults // 64 if layout == "aa" else 0)
     assert 2000 - 3 * faults < len(found) < 2000
@@ -158,7 +167,9 @@ def test_serial_port_is_decoded_until_it_closes(capsys, tmp_path):
         found.append(
             commands.run(
                 [
-                    *("stream", "paper", "--set", "hall_layout=tmag5273a1", "--port", os.ttyname(port)),
+                    # frames come at once, so that their times are not known: no force may depend on them
+                    *("stream", "paper", "--set", "hall_layout=tmag5273a1", "--set", "loss_factor=0"),
+                    *("--port", os.ttyname(port)),
                     *("--frames", "anyskin", "--frame-chips", "2", "--chips", "2", "--axes", "y,-x,z"),
                     *("--out", str(tmp_path / "rows.csv")),
                 ]
@@ -202,6 +213,156 @@ def wait_for(condition):
             return
         event.wait(0.02)
     pytest.fail("nothing came")
+
+
+# Times
+
+
+def timed(stamps, unit="ms", *, arrivals=None):
+    """Times that a device's clock gives to rows with these stamps."""
+    clock = clocks.DeviceClock(unit)
+    found = [clock.rows([(stamp, k)], 0.0 if arrivals is None else arrivals[k]) for k, stamp in enumerate(stamps)]
+    rows = [*itertools.chain(*found), *clock.rest()]
+    assert [numbers[0] for _, numbers in rows] == list(range(len(stamps)))
+    return np.array([time for time, _ in rows]), clock
+
+
+@pytest.mark.parametrize(("unit", "second"), [("s", 1), ("ms", 1e3), ("us", 1e6)])
+def test_stamps_are_times_in_their_unit(unit, second):
+    times, _ = timed(0.02 * second * np.arange(50) + 7, unit)
+    assert_allclose(times, 0.02 * np.arange(50), atol=1e-9)
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf, -5, 0, 3, 205, 9000, 1e30])
+def test_a_damaged_stamp_spoils_its_own_row_only(bad):
+    stamps = 100.0 + 10 * np.arange(60)
+    stamps[30] = bad
+    times, clock = timed(stamps)
+    assert np.flatnonzero(np.isnan(times)).tolist() == [30]
+    assert_allclose(np.delete(times, 30), np.delete(0.01 * np.arange(60), 30), atol=1e-9)
+    assert clock.remarks == []
+
+
+def test_microseconds_begin_again_after_71_minutes():
+    stamps = (2**32 - 500_000 + 10_000 * np.arange(100)) % 2**32
+    assert_allclose(timed(stamps, "us")[0], 0.01 * np.arange(100), atol=1e-9)
+
+
+def test_missing_rows_and_a_device_that_begins_again_go_on():
+    gap = 10.0 * np.r_[0:20, 50:70]
+    assert_allclose(timed(gap)[0], 1e-3 * gap, atol=1e-9)
+    again = np.concatenate([5e4 + 10.0 * np.arange(20), 10.0 * np.arange(20)])
+    arrivals = np.concatenate([0.01 * np.arange(20), 3 + 0.01 * np.arange(20)])
+    times, clock = timed(again, arrivals=arrivals)
+    assert_allclose(times, arrivals, atol=1e-9)
+    assert "the device's clock began again 1 times" in clock.remarks[0]
+
+
+def test_one_damaged_stamp_does_not_change_the_forces_behind(capsys, tmp_path):
+    """Its own row has no time; a clock that took it had 7.42 N for 11.42 N in all rows behind."""
+    lines = [f"{50 * k},2.871,2.793,2.793" for k in range(12)] + [
+        f"{600 + 50 * k},2.967,2.850,2.850" for k in range(12)
+    ]
+    good, bad = tmp_path / "good.txt", tmp_path / "bad.txt"
+    good.write_text("\n".join([*lines, ""]))
+    bad.write_text("\n".join([*lines[:8], "99999999,2.871,2.793,2.793", *lines[9:], ""]))
+    options = ("--clock", "ms", "--level", "finite", "--speed", 0)
+    (_, right), (_, found) = (streamed(capsys, "--port", file, *options) for file in (good, bad))
+    assert [row["status"] for row in found[7:9]] == ["untimed", "after_gap"]
+    assert found[7]["time_s"] is None
+    assert right[11]["force_z_N"] > 1.2 * right[22]["force_z_N"]
+    assert_allclose([row["force_z_N"] for row in found], [row["force_z_N"] for row in right])
+
+
+def test_rows_by_their_arrival_have_a_time_only_where_they_arrive_as_they_are_measured():
+    clock = clocks.Arrival()
+    # a recording that is there already
+    assert np.isnan([time for time, _ in clock.rows([(1.0,)] * 300, 1.0) + clock.rows([(1.0,)] * 300, 1.1)]).all()
+    # rows that come one by one, and some late ones together
+    for k in range(5):
+        clock.waits(2 + 0.01 * k)
+        assert clock.rows([(1.0,)], 2.005 + 0.01 * k)[0][0] == pytest.approx(0.01 * k)
+    clock.waits(2.05)
+    late = clock.rows([(1.0,)] * 4, 2.085)
+    assert_allclose([time for time, _ in late], [0.05, 0.06, 0.07, 0.08])
+    # and one that is poured in behind them
+    clock.waits(2.09)
+    assert np.isnan([time for time, _ in clock.rows([(1.0,)] * 300, 2.095)]).all()
+    assert np.isnan([time for time, _ in clock.rows([(1.0,)] * 3, 2.2)]).all()
+
+
+def test_a_pipe_without_times_has_forces_of_slow_loading_and_says_so(tmp_path):
+    """Each row had the time 0, as if all had been pressed within no time: 25 N for 9 N."""
+    with RECORDING.open() as file:
+        lines = "\n".join(line.rstrip().partition(",")[2] for line in file)
+    words = [
+        "stream",
+        "paper",
+        "--level",
+        "finite",
+        "--port",
+        "-",
+        "--zero",
+        "0",
+        "--out",
+        str(tmp_path / "rows.csv"),
+    ]
+    found = subprocess.run(
+        [sys.executable, "-m", "studies.cli", *words], input=lines, capture_output=True, text=True, timeout=60
+    )
+    assert found.returncode == 0, found.stderr
+    assert "10 of 10 rows untimed: the time is not known" in found.stderr.replace("\n", " ")
+    rows = list(csv.DictReader((tmp_path / "rows.csv").open()))
+    assert {row["time_s"] for row in rows} == {""}
+    slow = Stream(decode_readings.prepare(paper(), Decoding(level="finite")))
+    field = field_of(of_design(paper()), [[float(rows[-1][f"S{k}_V"]) for k in (1, 2, 3)]])[0]
+    assert float(rows[-1]["force_z_N"]) == pytest.approx(slow.step(tuple(field)).force[2])
+
+
+# Frames of files, and chips in lines
+
+
+def test_frames_of_a_file_are_replayed_with_their_rate(capsys, tmp_path):
+    """The first line only shows where the next one begins; frames that are damaged take their time, too."""
+    with RECORDING.open() as file:
+        lines = [line.rstrip().partition(",")[2] for line in file][1:]
+    (tmp_path / "capture.txt").write_text("\n".join([*lines[:3], "2.8", *lines[4:], ""]))
+    options = ("--port", tmp_path / "capture.txt", "--rate", 20, "--speed", 0, "--level", "finite")
+    status, rows = streamed(capsys, *options)
+    assert status == 0
+    assert_allclose([row["time_s"] for row in rows], np.delete(0.05 * np.arange(10), 2))
+
+
+def test_lines_of_a_chips_own_axes_need_no_other_order(capsys, tmp_path):
+    design = Design(hall_layout="tmag5273a1")
+    down, x, y = 1e6 * forward_model.readings_at(forward_model.model(design), np.array([[0.1], [0.2], [-0.4]]))[:, 0]
+    text = "".join(f"7,7,7,{-y:.3f},{x:.3f},{-down:.3f}\n" for _ in range(3))
+    (tmp_path / "capture.txt").write_text(text)
+    chip = ("--set", "hall_layout=tmag5273a1", "--units", "uT", "--axes", "y,-x,z", "--frame-chips", 2, "--chips", 2)
+    status, rows = streamed(capsys, "--port", tmp_path / "capture.txt", "--rate", 9, "--speed", 0, *chip)
+    assert status == 0
+    assert_allclose([rows[0][f"shift_{axis}_mm"] for axis in "xyz"], [0.1, 0.2, -0.4], atol=1e-2)
+
+
+@pytest.mark.parametrize(
+    ("content", "options", "sentence"),
+    [
+        (b"1,2,3,4\n1,2,3,4\n", [], "a line had 4 numbers, and 3 are needed: S1, S2, S3"),
+        (b"1,2,3\n1,2,3\n", ["--clock", "ms"],
+         "a line had 3 numbers, and 4 are needed: the device's time, S1, S2, S3"),
+        (b"# head\nx,y,z\n", [], "a line was 'x,y,z', which are no numbers alone"),
+        (b"1,2\n3,4\n", ["--axes", "x,y,z", "--set", "hall_layout=tmag5273a1"],
+         "a line had 2 numbers, and 3 are needed: x, y and z of 1 chip"),
+        (b"abc", ["--frames", "anyskin", "--set", "hall_layout=tmag5273a1"],
+         "3 bytes came, and a frame has 18: temperature, x, y and z of 1 chip"),
+    ],
+)  # fmt: skip
+def test_what_was_no_frame_is_told_with_what_is_needed(content, options, sentence, run, tmp_path):
+    (tmp_path / "capture").write_bytes(content)
+    more = [] if "--clock" in options else ["--rate", "9"]
+    status, _, err = run("stream", "paper", "--port", tmp_path / "capture", "--speed", "0", *more, *options)
+    assert status == 3
+    assert f"no frame was understood ({sentence})" in err.replace("\n", " ")
 
 
 def test_a_zero_needs_a_number_of_each_element():
@@ -314,7 +475,13 @@ def test_ros_package_is_whole_and_its_feed_is_the_stream(package, capsys):
         (["--port", "-", "--axes", "x,x,z", *chip], "--axes names the chip's axis along x, y and z"),
         (["--port", "-", "--chips", "1,2", *chip], "--chips names the 1 chips of the frame"),
         (["--port", "-", "--clock", "ms", *chip], "--clock has no meaning for frames of aa"),
-        (["--port", RECORDING, "--clock", "ms"], "--clock has no meaning for a table that is replayed"),
+        (["--port", RECORDING, "--units", "mV"], "a file of frames also needs their --rate, or --clock"),
+        (["--port", RECORDING, "--clock", "ms", "--rate", "100"], "--rate has no meaning for frames of lines"),
+        (["--port", RECORDING, "--rate", "0"], "--rate must be a number of Hz above 0; got 0"),
+        (["--port", "-", "--axes", "x,y,z"], "lines with --axes x,y,z hold the axes of 3-axis chips"),
+        (["--port", "-", "--frame-chips", "1000000000", *chip], "a frame has 1 to 64 chips; got 1000000000"),
+        (["--port", "-", "--frame-chips", "0", *chip], "a frame has 1 to 64 chips; got 0"),
+        (["--port", "-", "--chips", "99", *chip], "a frame has 1 to 64 chips; got 99"),
         (["--port", RECORDING, "--zero", "-1"], "--zero must be a time of 0 s or more; got -1"),
     ],
 )  # fmt: skip

@@ -289,10 +289,10 @@ class Streaming:
     """Where readings come from, how a frame of them is laid out, and by what they are decoded."""
 
     port: str
-    """Serial port (/dev/ttyACM0), named pipe, - for standard input, or a CSV file with time_s and the elements'
-    columns, which is replayed at its own pace."""
+    """Serial port (/dev/ttyACM0), named pipe, - for standard input, or a file that is replayed at its own pace: a
+    table (CSV) with time_s and the elements' columns, or with --rate or --clock frames as a device sent them."""
     frames: Literal["lines", "lines-xyzt", "anyskin", "aa"] = "lines"
-    """Layout of a frame: lines of numbers in the order of the elements; lines-xyzt, x, y, z in uT and the
+    """Layout of a frame: lines of numbers in the order of the elements (or --axes); lines-xyzt, x, y, z in uT and the
     temperature of each chip; anyskin, the binary frames of AnySkin and ReSkin; aa, 0xAA and three counts of 16 bits
     for each chip."""
     units: str | None = None
@@ -301,12 +301,16 @@ class Streaming:
     """Which chips of a frame are this design's, counted from 1, such as 3 or 1,2,4; default: the first ones."""
     frame_chips: Whole | None = None
     """Number of chips in a frame; default: as many as --chips needs."""
-    axes: str = "x,y,z"
-    """Axes of the chip that lie along x, y and z of the sensor, such as y,-x,z."""
+    axes: str | None = None
+    """Axes of the chip that lie along x, y and z of the sensor, such as y,-x,z; default: x,y,z. With it, lines hold
+    x, y, z of each chip, and not the elements' readings."""
     lsb: str | None = None
     """Flux density of a count of aa, uT, along x and y, and along z; default: 0.15,0.242, an MLX90393 at gain 7."""
     clock: Literal["s", "ms", "us"] | None = None
-    """Unit of the device's time, with which each line then begins; default: times are those of arrival."""
+    """Unit of the device's time, with which each line then begins; default: times are those of arrival, and not known
+    where rows do not arrive as they were measured, such as from a recording in a pipe."""
+    rate: float | None = None
+    """Frames each second, Hz, of a file of frames without the device's time."""
     baud: Whole = 115200
     """Speed of a serial port, bits per second."""
     speed: float = 1.0

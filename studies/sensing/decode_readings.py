@@ -61,10 +61,12 @@ WHY = {
     " wiring",
     "after_gap": "rows before it are missing or have no force; the force takes the motion between for straight",
     "jump": "a reading changed ten times as much as in the rows before: an impact, a reset or a disturbance",
+    "untimed": "the time is not known, so the force is that of slow loading, which a fast press exceeds: give the"
+    " device's time (--clock)",
     "uncalibrated": "the force may be one of the tolerances of a built sensor at rest: calibrate the sensor",
     "inconsistent": "no pose explains all readings together: check their order, units and the ambient field",
 }
-WITH_POSE = {"ok", "ambiguous", "uncalibrated", "after_gap", "jump"}
+WITH_POSE = {"ok", "ambiguous", "uncalibrated", "after_gap", "jump", "untimed"}
 """Statuses with a pose and a load."""
 NO_CONTACT = (
     "the plate does not touch the tip at this pose (depth 0), so the load is 0: the shift of {:.2g} mm sideways "

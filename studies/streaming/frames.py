@@ -2,7 +2,7 @@
 
 | layout | one frame | unit |
 |---|---|---|
-| `lines` | a line of numbers in the order of the design's elements, between commas, tabs or blanks | of an option |
+| `lines` | a line of the elements' numbers, or x, y, z of each chip, between commas, tabs or blanks | of an option |
 | `lines-xyzt` | a line with x, y, z and the temperature of each chip | uT |
 | `anyskin` | per chip four little-endian float32, the temperature, x, y and z, then CR LF | uT |
 | `aa` | 0xAA, then per chip three big-endian uint16, x, y and z, all bits inverted | counts |
@@ -30,6 +30,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from geometry.design import BadInput
+from studies.inputs.table_input import COLDEST, HOTTEST
 
 Layout = Literal["lines", "lines-xyzt", "anyskin", "aa"]
 LINE, CRLF, BEGIN = b"\n", b"\r\n", b"\xaa"
@@ -37,8 +38,8 @@ IDLE = 0.02
 """Time without a byte, s, after which a frame of `aa` is taken for complete."""
 LONGEST = 4096
 """Most bytes that are kept of a stream without any frame."""
-COLDEST, HOTTEST = -60.0, 160.0
-"""Temperatures, C, that a chip in use can have."""
+MOST_CHIPS = 64
+"""Most chips in a frame."""
 MOST_TESLA = 1.0
 """Flux density, T, that no chip measures."""
 LSB = (0.150, 0.242)
@@ -56,16 +57,23 @@ class Frames:
     ----------
     layout, width : layout of a frame, and its number of chips, or of numbers for `lines`.
     lsb : see `LSB`.
+    needed : what a frame holds, in words.
 
     Attributes
     ----------
     skipped : number of bytes that belong to no frame.
+    places : of the frames that the last `feed` has returned, counted from 0 with those that were dropped.
     """
 
     layout: Layout
     width: int
     lsb: tuple[float, float] = LSB
+    needed: str = ""
     skipped: int = 0
+    places: list[float] = field(default_factory=list)
+    _fed: int = 0
+    _seen_lines: int = 0
+    _damage: str = ""
     _damaged_lines: int = 0
     _rest: bytearray = field(default_factory=bytearray)
     _follows: bool = False
@@ -83,16 +91,33 @@ class Frames:
         return self.layout == "aa" and bool(self._rest)
 
     def feed(self, data: bytes, *, idle: bool = False) -> list[tuple[float, ...]]:
-        """Return the numbers of each frame that these bytes complete: uT (x, y, z of each chip), or those of a line.
+        """Return the numbers of each frame that these bytes complete: those of a line, or x, y, z of each chip, uT,
+        and behind them the temperatures of all chips, C, where a frame has them.
 
         idle : whether nothing has come for `IDLE`.
         """
         self._rest += data
+        self._fed += len(data)
+        self.places = []
         cut = self._lines if not self.length else self._ended if self.layout == "anyskin" else self._begun
-        found = list(cut(idle))
+        found = []
+        for numbers in cut(idle):
+            found.append(numbers)
+            self.places.append(
+                (self._fed - len(self._rest)) / self.length - 1 if self.length else self._seen_lines - 1
+            )
         if len(self._rest) > LONGEST:
             self._skip(len(self._rest) - LONGEST // 2)
         return found
+
+    @property
+    def misfit(self) -> str:
+        """Return why no frame was found, in words."""
+        if self.length:
+            return f"{self._fed} bytes came, and a frame has {self.length}: {self.needed}"
+        return (
+            self._damage or f"{self._seen_lines} lines came, of which the first only shows where the next one begins"
+        )
 
     def _skip(self, count: int) -> None:
         """Drop bytes that belong to no frame."""
@@ -111,6 +136,7 @@ class Frames:
             line, begun = bytes(self._rest[:end]).strip(), self._follows
             del self._rest[: end + 1]
             self._follows = True
+            self._seen_lines += bool(line)
             numbers = self._numbers(line) if line else ()
             if numbers and begun:
                 yield numbers
@@ -126,20 +152,28 @@ class Frames:
             for byte in content:
                 total ^= byte
             if digits.lower() != b"%02x" % total:
-                return None
+                return self._damaged("a line had a wrong checksum")
             self._right_sums += 1
         elif self._right_sums >= SUMS:
-            return None
+            return self._damaged("a line had no checksum, as those before it")
         try:
             numbers = [float(word) for word in NUMBERS.split(content.strip())]
         except ValueError:
-            return None
+            return self._damaged(f"a line was {line.decode('ascii', 'replace')!r:.60}, which are no numbers alone")
+        count = self.width if self.layout == "lines" else 4 * self.width
+        if len(numbers) != count:
+            return self._damaged(f"a line had {len(numbers)} numbers, and {count} are needed: {self.needed}")
         if self.layout == "lines":
-            return tuple(numbers) if len(numbers) == self.width else None
+            return tuple(numbers)
         chips = [numbers[k : k + 4] for k in range(0, len(numbers), 4)]
-        if len(numbers) != 4 * self.width or not all(_can_be(t, xyz) for *xyz, t in chips):
-            return None
-        return tuple(value for *xyz, _ in chips for value in xyz)
+        if not all(_can_be(t, xyz) for *xyz, t in chips):
+            return self._damaged(f"a line was {line.decode('ascii', 'replace')!r:.60}, which no chip can have sent")
+        return (*(value for *xyz, _ in chips for value in xyz), *(t for *_, t in chips))
+
+    def _damaged(self, why: str) -> tuple[float, ...] | None:
+        """Keep why the last damaged line is none, and return None."""
+        self._damage = why
+        return None
 
     def _ended(self, idle: bool) -> Iterator[tuple[float, ...]]:
         size = self.length
@@ -166,7 +200,7 @@ class Frames:
             chips = [numbers[k : k + 4] for k in range(0, len(numbers), 4)]
             del self._rest[:size]
             if all(_can_be(t, xyz) for t, *xyz in chips):
-                yield tuple(value for _, *xyz in chips for value in xyz)
+                yield (*(value for _, *xyz in chips for value in xyz), *(t for t, *_ in chips))
             else:
                 self.skipped += size
 

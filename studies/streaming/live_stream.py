@@ -1,7 +1,8 @@
 """Forces of a sensor while its readings arrive: from bytes to readings, to forces, to a screen, a file or a page.
 
 A row's time is that of its arrival, which may lag by some milliseconds (`JITTER`), unless each frame begins with the
-time of the device. Forces are those of a silicone that relaxes (`analytic.time_series`).
+time of the device (`studies.streaming.clocks`). Forces are those of a silicone that relaxes (`analytic.time_series`);
+where a time is not known they are those of slow loading, with a status that says so and a wider interval.
 """
 
 from __future__ import annotations
@@ -38,6 +39,7 @@ from studies.output.result import Result
 from studies.sensing import decode_readings
 from studies.sensitivity.decode_tolerances import AtRest
 from studies.streaming import frames, recording, sources
+from studies.streaming.clocks import Arrival, DeviceClock, Row
 from studies.streaming.sources import Decoded, Sink
 
 if TYPE_CHECKING:
@@ -46,6 +48,7 @@ if TYPE_CHECKING:
 
 JITTER = 0.02
 """Time, s, by which a row may come late without being taken for one after missing rows."""
+AXES = "x,y,z"
 REDRAW = 0.1
 """Time between two pictures of the screen or the page, s."""
 RECENT = 2000
@@ -55,7 +58,6 @@ TARE = 0.5
 FOUND = ("status", *(f"{name}_{axis}_{unit}" for name, unit in (("force", "N"), ("shift", "mm")) for axis in "xyz"))
 HALF = ("half_width_x_N", "half_width_y_N", "half_width_z_N")
 """Columns of a row: those of `decode --file`; with a calibration also half of the force's 90 % interval."""
-CLOCKS = {None: 0.0, "s": 1.0, "ms": 1e-3, "us": 1e-6}
 
 
 class Nominal:
@@ -125,27 +127,31 @@ class Calibrated:
             np.zeros(known.sum()),
             zeroed=bool(self.stream.offset.any()),
         )[0]
-        laws = [
-            [law.step(moment, *each) for law in self._doubted]
-            for moment, *each in zip(times, slow.T, load.T[:, 1:], strict=True)
-        ]
-        off = np.array([max((float(np.linalg.norm(one - F)) for one in each), default=0.0) for each, F in
-                        zip(laws, force, strict=True)])  # fmt: skip
+        off = np.array(
+            [self._law_error(*row) for row in zip(times, slow.T, load.T[:, 1:], force, strict=True)], dtype=float
+        )
         wide = self._mechanics.relaxing_half_width(half, slow.T, force, off, self._growth)
         for row, each in zip(rows, wide.tolist(), strict=True):
             yield row.status, *row.force, *row.shift, *each
+
+    def _law_error(self, moment: float, slow: Array, shear: Array, force: Array) -> float:
+        """Return how much a force (3,) may be off, N, because the silicone's law, or the row's time, is not known."""
+        found = [law.step(moment, slow, shear) for law in self._doubted]
+        if math.isnan(moment):
+            return max((law.reach(slow, shear) for law in self._doubted), default=0.0)
+        return max((float(np.linalg.norm(each - force)) for each in found), default=0.0)
 
 
 class Live:
     """The decoder of one stream, and what it has seen.
 
-    times : of the first and the last row, s.
+    times : of the first and the last row that have one, s.
     zero_asked : whether the readings of the last `TARE` are to be taken for those at rest, before the next row.
     """
 
     def __init__(self, design: Design, options: Streaming) -> None:
-        # the times of a table, and of a device, are those at which rows were measured
-        jitter = 0.0 if options.clock or is_table(options) else JITTER
+        # the times of a file, and of a device, are those at which rows were measured
+        jitter = 0.0 if options.clock or is_file(options) else JITTER
         if options.calibration is None:
             self._decoder: Nominal | Calibrated = Nominal(design, options, jitter)
         else:
@@ -162,13 +168,13 @@ class Live:
         self._count = len(parts.of_design(design))
         self.counts: Counter[str] = Counter()
         self.late: deque[float] = deque(maxlen=RECENT)
-        self.times = (0.0, 0.0)
+        self.times, self._timed = (math.nan, math.nan), 0
         self._recent: deque[tuple[float, tuple[float, ...]]] = deque(maxlen=RECENT)
         if not 0 <= options.rest < math.inf:
             raise BadInput(f"--zero must be a time of 0 s or more; got {options.rest:g}")
         self._rest, self.zero_asked = options.rest, False
 
-    def rows(self, arrived: Sequence[sources.Row]) -> list[Decoded]:
+    def rows(self, arrived: Sequence[Row]) -> list[Decoded]:
         """Decode frames; those of the first `rest` seconds make the zero, and give no row."""
         read = [
             # an infinite number is none
@@ -176,17 +182,18 @@ class Live:
             for moment, numbers in arrived
         ]
         if self._rest:
-            self._recent += [row for row in read if row[0] < self._rest]
+            # rows without a time stand before those with one
+            self._recent += [row for row in read if not row[0] >= self._rest]
             read = [row for row in read if row[0] >= self._rest]
             if not read:
                 return []
-            if not self._zero(0.0):
+            if not self._zero(-math.inf):
                 raise BadInput(
                     f"--zero {self._rest:g}: an element sent no number within its rails then: check the elements"
                 )
             self._rest = 0.0
         self._recent += read
-        if self.zero_asked and self._recent:
+        if self.zero_asked and self._recent and not math.isnan(self._recent[-1][0]):
             # else with the next rows
             self.zero_asked = not self._zero(self._recent[-1][0] - TARE)
         times = [moment for moment, _ in read]
@@ -195,8 +202,9 @@ class Live:
             dict(zip(self.columns, (moment, *row, *found), strict=True))
             for (moment, row), found in zip(read, self._decoder.rows(times, readings), strict=True)
         ]
-        if times:
-            self.times = self.times[0] if self.counts else times[0], times[-1]
+        if known := [moment for moment in times if not math.isnan(moment)]:
+            self.times = self.times[0] if self._timed else known[0], known[-1]
+            self._timed += len(known)
         self.counts.update(row["status"] for row in rows)
         return rows
 
@@ -204,12 +212,21 @@ class Live:
     def remarks(self) -> Sequence[str]:
         return self._decoder.said
 
-    def why_nothing(self) -> str:
-        """Return why no row has a force."""
+    @property
+    def rate(self) -> float:
+        """Return the rows for each second, Hz, among those that have a time."""
+        seconds = self.times[1] - self.times[0]
+        return (self._timed - 1) / seconds if seconds > 0 else math.nan
+
+    def why_nothing(self, misfit: str) -> str:
+        """Return why no row has a force; misfit : why no frame was found."""
         if self._rest and self._recent:
+            if all(math.isnan(moment) for moment, _ in self._recent):
+                return f"no row has a time, which --zero {self._rest:g} needs: give the device's time with --clock"
             return f"the stream ended before --zero {self._rest:g} s: give a shorter time"
         if not self.counts:
-            return "no frame was understood: check --frames, --units, --chips and --baud"
+            said = f" ({misfit})" if misfit else ""
+            return f"no frame was understood{said}: check --frames, --units, --chips and --baud"
         return "no row has a force"
 
     def _zero(self, begun: float) -> bool:
@@ -232,25 +249,26 @@ def reader(design: Design, options: Streaming) -> Callable[[Sequence[float]], tu
         The layout of the frames does not fit the design's elements.
     """
     elements = parts.of_design(design)
-    unit = elements[0].unit
+    unit, factor = elements[0].unit, 1e-6
     if options.frames == "lines":
         units = options.units or unit
         if units not in UNITS[unit]:
             raise BadInput(f"--units {units} is no unit of these elements: choose one of {', '.join(UNITS[unit])}")
         factor = UNITS[unit][units]
-        return lambda numbers: tuple(factor * value for value in numbers)
+        if options.axes is None:
+            return lambda numbers: tuple(factor * value for value in numbers[: len(elements)])
     if unit != "T":
         raise BadInput(
-            f"frames of {options.frames} hold the axes of 3-axis chips, but this design reads {len(elements)} "
+            f"{_of_frames(options)} hold the axes of 3-axis chips, but this design reads {len(elements)} "
             "one-axis elements: choose --frames lines, or a chip by --set hall_layout=NAME"
         )
-    wanted, mounted = chips(design, options), frames.mounting(options.axes)
+    wanted, mounted = chips(design, options), frames.mounting(options.axes or AXES)
     rows = [(3 * wanted[k // 3], element.direction) for k, element in enumerate(elements)]
 
     def readings(numbers: Sequence[float]) -> tuple[float, ...]:
-        # of the uT along the chip's axes, those along the sensor's
+        # of what is along the chip's axes, that along the sensor's
         return tuple(
-            1e-6 * sum(n * sign * numbers[first + axis] for n, (axis, sign) in zip(along, mounted, strict=True))
+            factor * sum(n * sign * numbers[first + axis] for n, (axis, sign) in zip(along, mounted, strict=True))
             for first, along in rows
         )
 
@@ -259,11 +277,17 @@ def reader(design: Design, options: Streaming) -> Callable[[Sequence[float]], tu
 
 def chips(design: Design, options: Streaming) -> list[int]:
     """Return which chips of a frame are those of the design, counted from 0."""
-    count = len(parts.of_design(design)) // 3
+    count, most = len(parts.of_design(design)) // 3, frames.MOST_CHIPS
     given = [int(number) - 1 for number in parse_numbers("--chips", options.chips)] if options.chips else range(count)
     if len(given) != count or min(given) < 0 or len(set(given)) < count:
         raise BadInput(f"--chips names the {count} chips of the frame that are this design's, from 1; got "
                        f"{options.chips!r}")  # fmt: skip
+    needed = max(given) + 1
+    width = needed if options.frame_chips is None else options.frame_chips
+    if not 1 <= width <= most:
+        raise BadInput(f"a frame has 1 to {most} chips; got {width}: check --frame-chips and --chips")
+    if width < needed:
+        raise BadInput(f"--chips {options.chips} is beyond the {width} chips of a frame: raise --frame-chips")
     return list(given)
 
 
@@ -277,25 +301,35 @@ def source_of(design: Design, options: Streaming) -> sources.Source:
     """
     _check_fit(options)
     if is_table(options):
-        if not (options.speed >= 0 and math.isfinite(options.speed)):
-            raise BadInput(f"--speed must be 0 (no waiting) or more; got {options.speed:g}")
         return sources.replayed(Path(options.port), design, options.speed)
-    elements = parts.of_design(design)
-    if options.frames == "lines":
-        width = len(elements) + bool(options.clock)
+    cut = _frames(design, options)
+    device = DeviceClock(options.clock) if options.clock else None
+    if is_file(options):
+        return sources.captured(Path(options.port), cut, device, options.rate, options.speed)
+    port = sources.Port(options.port, cut, device or Arrival(), options.baud)
+    port.open()
+    return port
+
+
+def _frames(design: Design, options: Streaming) -> frames.Frames:
+    """Return what cuts the stream into frames."""
+    names = parts.columns(parts.of_design(design))
+    if options.frames == "lines" and options.axes is None:
+        width, needed = len(names), ", ".join(names)
     else:
         width = options.frame_chips or max(chips(design, options)) + 1
-        if width <= max(chips(design, options)):
-            raise BadInput(f"--chips {options.chips} is beyond the {width} chips of a frame: raise --frame-chips")
+        axes = {"lines-xyzt": "x, y, z and temperature", "anyskin": "temperature, x, y and z"}
+        needed = f"{axes.get(options.frames, 'x, y and z')} of {width} chip{'s' * (width > 1)}"
+        width *= 3 if options.frames == "lines" else 1
     lsb = tuple(parse_numbers("--lsb", options.lsb)) if options.lsb else frames.LSB
     if len(lsb) != 2 or not all(0 < each < math.inf for each in lsb):
         raise BadInput(f"--lsb takes two numbers, uT of a count along x and y, and along z; got {options.lsb!r}")
-    cut = frames.Frames(options.frames, width, (lsb[0], lsb[1]))
+    if options.clock:
+        width, needed = width + 1, f"the device's time, {needed}"
+    cut = frames.Frames(options.frames, width, (lsb[0], lsb[1]), needed)
     if options.frames == "aa":
         cut.begin_near(rest_in_frames(design, options, width))
-    port = sources.Port(options.port, cut, CLOCKS[options.clock], options.baud)
-    port.open()
-    return port
+    return cut
 
 
 def rest_in_frames(design: Design, options: Streaming, width: int) -> list[float]:
@@ -303,29 +337,53 @@ def rest_in_frames(design: Design, options: Streaming, width: int) -> list[float
     read = readings_at(model(design), np.zeros((3, 1)))[:, 0].reshape(-1, 3)
     found = [0.0] * (3 * width)
     for chip, (down, x, y) in zip(chips(design, options), read.tolist(), strict=True):
-        for (axis, sign), value in zip(frames.mounting(options.axes), (x, y, -down), strict=True):
+        for (axis, sign), value in zip(frames.mounting(options.axes or AXES), (x, y, -down), strict=True):
             found[3 * chip + axis] = 1e6 * sign * value
     return found
 
 
-def is_table(options: Streaming) -> bool:
+def is_file(options: Streaming) -> bool:
     """Return whether the readings are those of a file, which is replayed."""
     return options.port != "-" and Path(options.port).is_file()
 
 
+def is_table(options: Streaming) -> bool:
+    """Return whether this file is a table; with a rate or a clock it holds frames, as a device has sent them."""
+    return is_file(options) and options.rate is None and options.clock is None
+
+
+def _of_frames(options: Streaming) -> str:
+    return f"frames of {options.frames}" + (f" with --axes {options.axes}" if options.frames == "lines" else "")
+
+
 def _check_fit(options: Streaming) -> None:
     """Refuse options that the source of the readings does not have."""
-    replayed = is_table(options)
-    what = "a table that is replayed" if replayed else f"frames of {options.frames}"
-    chips, lines = {"chips", "frame_chips", "axes"}, {"clock", "units"}
-    of_frames = {"lines": lines, "aa": {*chips, "lsb"}}.get(options.frames, chips)
-    fitting = {"speed"} if replayed else {"frames", "baud", *of_frames}
-    for name in ("frames", "units", "chips", "frame_chips", "axes", "lsb", "clock", "baud", "speed"):
+    table, file = is_table(options), is_file(options)
+    what = (
+        "a table that is replayed"
+        if table
+        else _of_frames(options)
+        if options.axes
+        else f"frames of {options.frames}"
+    )
+    more = "; a file of frames also needs their --rate, or --clock" if table else ""
+    of_chips, lines = {"chips", "frame_chips", "axes"}, {"clock", "units", "axes"}
+    if options.axes is not None:
+        lines |= of_chips
+    of_frames = {"lines": lines, "aa": {*of_chips, "lsb"}}.get(options.frames, of_chips)
+    fitting = {"speed"} if table else {"frames", *of_frames, *({"speed", "rate"} if file else {"baud"})}
+    if file and options.clock is not None:
+        fitting -= {"rate"}
+    for name in ("frames", "units", "chips", "frame_chips", "axes", "lsb", "clock", "baud", "speed", "rate"):
         default = Streaming.__dataclass_fields__[name].default
         if name not in fitting and getattr(options, name) != default:
-            raise BadInput(f"--{name.replace('_', '-')} has no meaning for {what}: leave it out")
+            raise BadInput(f"--{name.replace('_', '-')} has no meaning for {what}: leave it out{more}")
     if options.baud < 1:
         raise BadInput(f"--baud must be at least 1 bit per second; got {options.baud}")
+    if not (options.speed >= 0 and math.isfinite(options.speed)):
+        raise BadInput(f"--speed must be 0 (no waiting) or more; got {options.speed:g}")
+    if options.rate is not None and not 0 < options.rate < math.inf:
+        raise BadInput(f"--rate must be a number of Hz above 0; got {options.rate:g}")
 
 
 class NothingDecoded(Exception):
@@ -376,7 +434,7 @@ def run(
                 live.late.append(time.monotonic() - heard)
             if ended is not None and ended.is_set():
                 break
-    return summary(live, source.lost)
+    return summary(live, source)
 
 
 @contextlib.contextmanager
@@ -443,25 +501,25 @@ def run_with_page(
     return outcome.result()
 
 
-def summary(live: Live, lost: int) -> Result:
+def summary(live: Live, source: sources.Source) -> Result:
     """Return the counts of a stream that has ended."""
-    total, seconds = sum(live.counts.values()), live.times[1] - live.times[0]
+    total = sum(live.counts.values())
     record = {
         "rows": total,
-        "lost_frames": lost,
-        "seconds": seconds,
-        "rate_Hz": (total - 1) / seconds if seconds else math.nan,
+        "lost_frames": source.lost,
+        "seconds": live.times[1] - live.times[0],
+        "rate_Hz": live.rate,
         "latency_ms": 1e3 * float(np.quantile(live.late, 0.95)) if live.late else math.nan,
         **{f"rows_{status}": count for status, count in live.counts.items()},
     }
     known = sum(live.counts[status] for status in decode_readings.WITH_POSE)
-    remarks = [*live.remarks]
+    remarks = [*live.remarks, *source.remarks]
     remarks += [
         f"{count} of {total} rows {status}: {decode_readings.WHY.get(status, 'no pose explains these readings')}"
         for status, count in live.counts.items()
         if status != "ok"
     ]
-    failures = [] if known else [live.why_nothing()]
+    failures = [] if known else [live.why_nothing(source.misfit)]
     return Result(title="Stream", records=[record], remarks=remarks, failures=failures)
 
 
@@ -503,7 +561,8 @@ def screen() -> Sink:
             return
         row, rate = rows[-1], count / (now - shown)
         force = "  ".join(f"F{axis} {text_tables.shown('', row[f'force_{axis}_N']):>8}" for axis in "xyz")
-        sys.stdout.write(f"\r{row['time_s']:9.2f} s  {force} N  {row['status']:<16} {rate:5.0f} Hz ")
+        moment = "  no time" if math.isnan(row["time_s"]) else f"{row['time_s']:9.2f}"
+        sys.stdout.write(f"\r{moment} s  {force} N  {row['status']:<16} {rate:5.0f} Hz ")
         sys.stdout.flush()
         shown, count = now, 0
 

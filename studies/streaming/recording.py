@@ -92,15 +92,20 @@ class Messages:
         self._elements = parts.of_design(design)
         self._groups, self._frame = grouped(self._elements), frame_id
         self._begun, self._status = time.time_ns(), ""
+        self._last = self._begun
 
     def moment(self, row: Decoded) -> int:
-        """Return the time of a row, ns since 1970."""
-        return self._begun + round(1e9 * float(row["time_s"]))
+        """Return the time of a row, ns since 1970; that of the row before where it is not known."""
+        if not math.isnan(row["time_s"]):
+            self._last = self._begun + round(1e9 * float(row["time_s"]))
+        return self._last
 
     def of_row(self, row: Decoded) -> Iterator[tuple[str, str, dict[str, Any]]]:
         """Yield topic, type and fields of the messages of a row: wrench, magnetic fields, status if it changed."""
         now, elements = self.moment(row), self._elements
-        head = {"stamp": {"sec": now // 10**9, "nanosec": now % 10**9}, "frame_id": self._frame}
+        # a stamp of 0 is a time that is not known
+        seconds, nanoseconds = (0, 0) if math.isnan(row["time_s"]) else divmod(now, 10**9)
+        head = {"stamp": {"sec": seconds, "nanosec": nanoseconds}, "frame_id": self._frame}
         x, y, z = (row[f"force_{axis}_N"] for axis in "xyz")
         unknown = dict.fromkeys("xyz", math.nan)
         wrench = {"force": {"x": x, "y": y, "z": -z}, "torque": unknown}

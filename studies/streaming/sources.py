@@ -2,26 +2,29 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import os
 import select
 import stat
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
 
+import numpy as np
+
 from analytic import parts
 from geometry.design import BadInput, Design
+from studies.streaming.clocks import Arrival, DeviceClock, Row
 from studies.streaming.frames import IDLE, Frames
 
 WAIT = 0.1
 """Longest time without a byte, s, after which a source says so: the screen is drawn, and Ctrl-C heard."""
 CHUNK = 65536
 
-Row = tuple[float, tuple[float, ...]]
-"""Time of a row, s since the first one, and its numbers."""
 Decoded = dict[str, Any]
 """Columns of a decoded row."""
 
@@ -33,10 +36,17 @@ class Sink(Protocol):
 
 
 class Source(Protocol):
-    """Yields the rows that have arrived, at least every `WAIT`; `lost` is the number of frames that were dropped."""
+    """Yields the rows that have arrived, at least every `WAIT`.
+
+    lost : number of frames that were dropped. misfit : why there was no frame. remarks : what is said at the end.
+    """
 
     lost: int
 
+    @property
+    def misfit(self) -> str: ...
+    @property
+    def remarks(self) -> Sequence[str]: ...
     def rows(self) -> Iterator[list[Row]]: ...
 
 
@@ -44,19 +54,24 @@ class Source(Protocol):
 class Port:
     """A serial port, pipe or terminal.
 
-    clock : seconds in a unit of the first number of each frame, which is then its time; 0 for the time of arrival.
-        Frames that arrive together are spread over the time since the last ones.
+    clock : gives the times.
     """
 
     name: str
     frames: Frames
-    clock: float = 0.0
+    clock: Arrival | DeviceClock
     baud: int = 115200
     lost: int = 0
     _device: Any = None
     _file: int = -1
-    _begun: float = math.nan
-    _last: float = 0.0
+
+    @property
+    def misfit(self) -> str:
+        return self.frames.misfit
+
+    @property
+    def remarks(self) -> Sequence[str]:
+        return self.clock.remarks
 
     def open(self) -> None:
         """Open the port.
@@ -90,8 +105,11 @@ class Port:
 
     def rows(self) -> Iterator[list[Row]]:
         while True:
-            # a frame that has no end mark counts when nothing follows it
-            ready, _, _ = select.select([self._file], [], [], IDLE if self.frames.is_begun else WAIT)
+            ready, _, _ = select.select([self._file], [], [], 0)
+            if not ready:
+                self.clock.waits(time.monotonic())
+                # a frame that has no end mark counts when nothing follows it
+                ready, _, _ = select.select([self._file], [], [], IDLE if self.frames.is_begun else WAIT)
             data = b""
             if ready:
                 try:
@@ -99,37 +117,28 @@ class Port:
                 except BlockingIOError:
                     continue
                 except OSError:  # the cable was drawn, or the other end of a terminal closed
-                    return
+                    break
             # the last frame has no next one that shows its end
             found = self.frames.feed(data, idle=not data)
             self.lost = self.frames.lost
-            yield self._timed(found)
+            yield self.clock.rows(found, time.monotonic())
             if ready and not data:
-                return
-
-    def _timed(self, found: Sequence[tuple[float, ...]]) -> list[Row]:
-        if not found:
-            return []
-        now = self.clock * found[0][0] if self.clock else time.monotonic()
-        if math.isnan(self._begun):
-            self._begun = now
-        if self.clock:
-            return [(self.clock * numbers[0] - self._begun, numbers[1:]) for numbers in found]
-        last, self._last = self._last, now - self._begun
-        step = (self._last - last) / len(found)
-        return [(last + step * (k + 1), numbers) for k, numbers in enumerate(found)]
+                break
+        yield self.clock.rest()
 
 
 @dataclass(slots=True)
 class Replay:
-    """Rows of a table with times, each when its time has come; speed : 2 for twice as fast, 0 for no waiting."""
+    """Rows of a file with their times, each when its time has come; speed : 2 for twice as fast, 0 for no waiting."""
 
     table: Sequence[Row]
     speed: float = 1.0
-    lost: int = field(default=0, init=False)
+    lost: int = 0
+    misfit: str = ""
+    remarks: Sequence[str] = ()
 
     def rows(self) -> Iterator[list[Row]]:
-        begun, first = time.monotonic(), self.table[0][0] if self.table else 0.0
+        begun, first = time.monotonic(), next((at for at, _ in self.table if math.isfinite(at)), 0.0)
         due: list[Row] = []
         for moment, numbers in self.table:
             if self.speed:
@@ -146,6 +155,8 @@ class Replay:
 def replayed(path: Path, design: Design, speed: float) -> Replay:
     """Return the rows of a CSV file with the columns of the design's elements and time_s, as `decode --file` reads.
 
+    Behind the readings stands the temperature, C, NaN where there is none.
+
     Raises
     ------
     BadInput
@@ -153,10 +164,29 @@ def replayed(path: Path, design: Design, speed: float) -> Replay:
     """
     from studies.calibration.bench_file import read_readings
 
-    _, readings, times, _ = read_readings(path, design)
+    _, readings, times, temperature = read_readings(path, design)
     if times is None:
         raise BadInput(f"{path} has no column time_s: a replay needs the time of each row")
-    return Replay(list(zip(times.tolist(), map(tuple, readings.tolist()), strict=True)), speed)
+    rows = np.column_stack([readings, temperature])
+    return Replay(list(zip(times.tolist(), map(tuple, rows.tolist()), strict=True)), speed)
+
+
+def captured(path: Path, frames: Frames, clock: DeviceClock | None, rate: float | None, speed: float) -> Replay:
+    """Return the rows of a file of frames, as a device has sent them.
+
+    clock : of the device, whose times begin the frames; without one the frames follow each other at a rate, Hz, also
+        those that were dropped.
+    """
+    table: list[Row] = []
+    with path.open("rb") as file:
+        for data in itertools.chain(iter(partial(file.read, CHUNK), b""), [b""]):
+            found = frames.feed(data, idle=not data)
+            if clock is not None:
+                table += clock.rows(found, 0.0)
+            else:
+                table += [(place / (rate or math.nan), row) for place, row in zip(frames.places, found, strict=True)]
+    table += [] if clock is None else clock.rest()
+    return Replay(table, speed, frames.lost, frames.misfit, [] if clock is None else clock.remarks)
 
 
 def columns(design: Design) -> list[str]:

@@ -14,7 +14,9 @@ const Measured = (panel, { measured, theme }, zero) => {
     panel.hidden = false;
     kept.push(...rows);
     const last = kept.at(-1);
-    while (kept.length && kept[0][0] < last[0] - SECONDS) kept.shift();
+    // rows whose time is not known are no points of the curves
+    const timed = kept.filter((row) => row[0] !== null);
+    kept.splice(0, kept.length, ...timed.filter((row) => row[0] >= timed.at(-1)[0] - SECONDS));
     figure.show(measured, {
       rows: NAMES.flatMap((model, k) => kept.map((row) => ({ model, time: row[0], value: row[k + 1] }))),
     });
