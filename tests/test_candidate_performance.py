@@ -15,7 +15,7 @@ from studies.sizing.beam_curves import pressed_curves, with_shears
 from studies.sizing.candidate_performance import LEAST, performance
 from studies.sizing.candidate_variables import Space, joined
 from studies.sizing.catalogues import catalogues_of
-from studies.sizing.front_solves import scores, steps
+from studies.sizing.front_solves import scores
 from studies.sizing.requirements import Requirements
 from studies.sizing.sensor_arrays import sensors_of
 from studies.sizing.variant_search import (
@@ -75,14 +75,19 @@ def test_sizes_are_those_of_base_and_mould(shape, process):
     assert compared > 50
 
 
-@pytest.mark.parametrize(("part", "chips"), [("DRV5055A2", 1), ("TMAG5273A1", 1), ("TMAG5273A1", 3)])
-def test_every_load_is_a_state_of_the_surrogate_and_its_figures_are_those_of_the_sensor(part, chips):
+@pytest.mark.parametrize(
+    ("part", "chips", "uneven"),
+    [("DRV5055A2", 1, 0.0), ("TMAG5273A1", 1, 0.0), ("TMAG5273A1", 3, 0.0), ("TMAG5273A1", 3, 0.4)],
+)
+def test_every_load_is_a_state_of_the_surrogate_and_its_figures_are_those_of_the_sensor(part, chips, uneven):
     """Depth and shear of each pose give the required forces, and slopes by differences give the resolution."""
     one = made(part=part, chips=chips)
     design, sensors = one.variant(0).design, sensors_of(one)
     beams = sensors.beams()
     ends = (sensors.E_low[0], sensors.E_high[0])
     noise = np.array([element.noise_T for element in of_design(design)])
+    noise *= 1 + uneven * np.sin(np.arange(len(noise)))
+    sensors = dataclasses.replace(sensors, noise=noise[None])
     weak = dataclasses.replace(design, remanence=float(sensors.remanence[0, 0]))
 
     def state(E, q):
@@ -111,7 +116,7 @@ def test_every_load_is_a_state_of_the_surrogate_and_its_figures_are_those_of_the
         K, J = (np.stack([(a[i] - b[i]) / (2e-3 * design.D) for a, b in steps], axis=1) for i in (0, 1))
         sigma = force_resolution(J[None], K[None], noise)[0]
         # the readings of a warmer sensor are 0.2 % per K smaller, and so is what they are decoded to
-        change = np.abs(K @ np.linalg.pinv(J) @ (2e-3 * reading)) / [1.5, 1.5, 5.0]
+        change = np.abs(K @ np.linalg.pinv(J / noise[:, None]) @ (2e-3 * reading / noise)) / [1.5, 1.5, 5.0]
         figures = {"resolution_z": sigma[2], "resolution_x": max(sigma[:2]), "strain": strain, "drift": max(change)}
         for name, value in figures.items():
             worst[name] = max(worst[name], value)
@@ -127,6 +132,20 @@ def test_sensors_of_one_and_of_three_chips_are_rated_together_as_alone():
         for name, value in alone.values.items():
             assert together[name][k] == pytest.approx(value[0], rel=1e-9, nan_ok=True), name
     assert together["resolution_z"][1] < together["resolution_z"][0]
+
+
+def test_readings_saturate_at_the_largest_remanence():
+    sensors = sensors_of(made())
+    low, high = sensors.remanence[0]
+    assert low < high
+    found = [
+        performance(dataclasses.replace(sensors, remanence=np.array([ends])), sensors.beams(), NEEDED)
+        for ends in ((low, high), (high, high), (low, low))
+    ]
+    both, strong, weak = (float(one.values["saturation"][0]) for one in found)
+    assert both == strong < weak
+    # a distance from the rail falls with the field in proportion
+    assert (1 - strong) / (1 - weak) == pytest.approx(high / low, rel=1e-9)
 
 
 def test_similar_forces_give_similar_poses():
@@ -353,7 +372,7 @@ def test_a_random_search_of_ten_times_the_evaluations_finds_nothing_better():
     front = whole_front(pools)[1]
     F = random_objectives(needed, parts, 10 * sum(pool.rated for pool in pools))
     assert len(F) > 50
-    best = front[scores(steps(front), needed).argmax()]
+    best = front[scores(front, RESOLUTION, needed)[0].argmax()]
     no_worse = (best + RESOLUTION >= F).all(axis=1)
     # differences of logarithms
     assert (best - F[no_worse]).max(initial=0.0) < 0.02

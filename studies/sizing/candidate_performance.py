@@ -367,9 +367,11 @@ class _Rated:
         """
         s = self.sensors
         J = np.where(self._rails(field, 0)[..., None] > 0, slopes, 0.0) * s.remanence[:, 0, None, None, None]
+        B, noises = field * s.remanence[:, 0, None, None], s.noise[:, None]
         if J.shape[2] > 3:
-            # least squares; the weight of an element that a sensor has not is 0
-            J *= (s.noise[:, :1] / s.noise)[:, None, :, None]
+            # least squares of readings with equal noise; the weight of an element that a sensor has not is 0
+            weight = (s.noise[:, :1] / s.noise)[:, None]
+            J, B, noises = J * weight[..., None], B * weight, noises[..., :1]
             across = np.swapaxes(J, 2, 3)
             inverse, square = adjugate(across @ J)
             inverse, det = inverse @ across, np.sqrt(np.maximum(square, 0.0))
@@ -384,7 +386,6 @@ class _Rated:
         unit = np.repeat(self.units, p, axis=1) / s.D[:, None]
         aside = np.where(shear > 0, plane[..., 3] / np.where(shear > 0, shear, 1.0), by_shear[..., 3])
 
-        B, noises = field * s.remanence[:, 0, None, None], np.where(np.isinf(s.noise), 0.0, s.noise)[:, None]
         # what the gain makes up for by its sign does not count
         of_drift = np.max([np.abs(end + s.drift) for end in NEODYMIUM_DRIFT], axis=0)[:, None]
         unknown, known = np.isnan(det), np.abs(scaled) > SINGULAR

@@ -1,15 +1,17 @@
 """The points of a front, solved by finite elements: what they say, beside the surrogate, and which points fail.
 
 A point that misses a requirement by the numbers of the finite elements stays in the table, with its reason, but is
-not ranked; one that another one dominates by these numbers is left out. The score of a point is the weighted mean of
-three numbers, 0 for the worst and 1 for the best point that passes: of the logarithms of range, resolution and outer
-size, each in whole steps of `RESOLUTION`, or of the largest half width of the finite elements (what their error
-estimates change) where that is larger. Equal scores share a rank, so that no rank rests on less.
+not ranked; one that another one dominates by these numbers is left out: it is nowhere better, and somewhere worse by
+`RESOLUTION`, or by the largest half width of the finite elements (what their error estimates change) where that is
+larger. The score of a point is the weighted mean of three numbers, 0 for the worst and 1 for the best point that
+passes: of the logarithms of range, resolution and outer size. Scores share a rank that differ by less than such steps
+of all three, so that no rank rests on less.
 
 The responses of the beams (`FemBeams`) have the form of the surrogate's. The paths of all beams are solved side by
 side by worker processes; their states land in the store, so that a command that was interrupted solves none of them
 again. NaN stands for a state that a solve did not reach. The worst loads of the best point are solved by themselves:
-their figures are no interpolation, and `magtip solve` prints them.
+their strain is no interpolation, and `magtip solve` prints it. Resolutions and distances from the rail are those of
+curves between the solved states.
 """
 
 from __future__ import annotations
@@ -221,7 +223,7 @@ def solved_front(
     # if the surrogate confirms none at these loads, finite elements say why
     kept = passed if len(passed) else np.arange(len(candidates))
     F = objectives(dict(cautious.values), needed)[kept]
-    best = int(scores(steps(F), needed).argmax())
+    best = int(scores(F, RESOLUTION, needed)[0].argmax())
     chosen = (
         np.unique([best, *spread(F, max(most - 1, 1)).tolist()])[: max(most, 1)] if most > 1 else np.array([best])
     )
@@ -324,8 +326,9 @@ def with_solved_loads(point: FrontPoint, needed: Requirements, fem: FiniteElemen
             for row in same
         ]
         for row, answer in zip(same, fem.answers(cases, MOTIONS, model).to_dict("records"), strict=True):
-            if np.isnan(answer["fem_force_N"]):
-                reason = f"finite elements did not reach the load of the {row['figure']}: {answer['message']}"
+            if answer["status"] != "ok" or np.isnan(answer["fem_force_N"]):
+                found = "found unstable" if answer["status"] == "unstable" else "did not reach"
+                reason = f"finite elements {found} the load of the {row['figure']}: {answer['message']}"
                 return replace(point, status="failed", reason=reason)
             row["strain_percent"] = float(answer["fem_largest_strain_percent"])
             row["solved_force_z_N"] = float(answer["fem_force_N"])
@@ -340,34 +343,38 @@ def with_solved_loads(point: FrontPoint, needed: Requirements, fem: FiniteElemen
         row["depth_mm"], row["shear_mm"] = row.pop("solved_depth_mm"), row.pop("solved_shear_mm")
         if row["figure"] == "strain":
             row["value"] = row["strain_percent"]
-    strain = max(float(row["strain_percent"]) for row in rows) / 100
+    # NaN is the largest
+    strain = float(np.max([row["strain_percent"] for row in rows])) / 100
     values = point.solved | {"strain": strain}
     signed = margins({name: np.array([value]) for name, value in values.items()}, needed)
     return _judged(replace(point, solved=values, worst=rows, margins={n: float(v[0]) for n, v in signed.items()}))
 
 
-def scores(F: Array, needed: Requirements) -> Array:
-    """Return the scores of points with objectives F in whole steps, shape (n, 3)."""
+def scores(F: Array, resolution: Array | float, needed: Requirements) -> tuple[Array, float]:
+    """Return the scores of points with objectives F, shape (n, 3), and the least difference of two that counts.
+
+    resolution : of each objective; one that spreads by less says nothing, and all have its best.
+    """
     width = np.ptp(F, axis=0)
-    share = np.where(width > 0, (F.max(axis=0) - F) / np.where(width > 0, width, 1.0), 1.0)
+    spreads = width > resolution
+    width = np.where(spreads, width, 1.0)
+    share = np.where(spreads, (F.max(axis=0) - F) / width, 1.0)
     weights = np.array([needed.weight_range, needed.weight_resolution, needed.weight_size])
-    return np.asarray(share @ weights / weights.sum())
-
-
-def steps(F: Array, resolution: Array | float = RESOLUTION) -> Array:
-    """Return objectives, shape (n, 3), in whole steps of a resolution."""
-    return np.asarray(np.floor(F / resolution + 1e-9))
+    weights /= weights.sum()
+    return np.asarray(share @ weights), float(np.where(spreads, resolution / width, 0.0) @ weights)
 
 
 def solved_objectives(points: Sequence[FrontPoint], needed: Requirements) -> tuple[Array, Array]:
     """Return the objectives of points by finite elements, shape (n, 3), and the resolution of each of them.
 
-    A half width as large as its value is that of a bound that is missed with it, and says nothing of the value.
+    A half width as large as its value is that of a bound that is missed with it, and says nothing of the value. Where
+    one is unknown, no difference in this objective counts.
     """
     values = {n: np.array([point.solved[n] for point in points]) for n in points[0].solved}
     F = objectives(values, needed)
-    widths = {n: np.nan_to_num(values.get(f"{n}_half_width", np.zeros(len(v)))) for n, v in values.items()}
-    moved = {n: v + np.where(widths[n] < v, widths[n], 0.0) for n, v in values.items()}
+    widths = {n: values.get(f"{n}_half_width", np.zeros(len(v))) for n, v in values.items()}
+    moved = {n: v + np.where(widths[n] >= v, 0.0, widths[n]) for n, v in values.items()}
+    # the objective of what is unknown is larger than any other
     return F, np.fmax(RESOLUTION, np.abs(objectives(moved, needed) - F).max(axis=0))
 
 
@@ -382,18 +389,17 @@ def ranked(points: Sequence[FrontPoint], needed: Requirements, fem: FiniteElemen
     failed = [point for point in points if point.status != "ok"]
     while passed:
         F, resolution = solved_objectives(passed, needed)
-        kept = np.flatnonzero(~dominated(steps(F, resolution)))
-        passed, F = [passed[k] for k in kept.tolist()], F[kept]
-        score = scores(steps(F, resolution), needed).round(9)
-        order = np.lexsort((F.sum(axis=1), -score)).tolist()
-        first = passed[order[0]]
-        checked = first if fem is None else with_solved_loads(first, needed, fem)
+        kept = np.flatnonzero(~dominated(F, resolution))
+        score, step = scores(F[kept], resolution, needed)
+        order = np.lexsort((F[kept].sum(axis=1), -score)).tolist()
+        front = [passed[kept[k]] for k in order]
+        checked = front[0] if fem is None else with_solved_loads(front[0], needed, fem)
         if checked.status == "ok":
-            best = [checked, *(passed[k] for k in order[1:])]
-            rank = [1 + int((score > score[k]).sum()) for k in order]
-            scored = zip(best, rank, score[order].tolist(), strict=True)
+            rank = [1 + int((score > score[k] + step + 1e-9).sum()) for k in order]
+            scored = zip([checked, *front[1:]], rank, score[order].round(9).tolist(), strict=True)
             return [*(replace(p, rank=r, score=s) for p, r, s in scored), *failed]
-        passed.remove(first)
+        # what this point has dominated may be the best of those that are left
+        passed.remove(front[0])
         failed.append(checked)
     return failed
 

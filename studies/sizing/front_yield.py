@@ -2,14 +2,17 @@
 
 A maker's silicone and magnets are those of a batch, which lies anywhere within the ranges of the catalogue (E, nu,
 remanence); its sensors differ by the scatter of parts, places and gains. So there is a yield over batches, and one of
-the worst batch, among which are the ends of the ranges of E and remanence. No sensor lies beyond a range.
+the worst batch, among which are the ends of the ranges of E and remanence. No sensor lies beyond a range. Sensors of
+one batch are alike, and say less than as many independent ones: each sensor of the yield over batches is of a batch
+of its own, so that its interval is that of a share of independent draws. Further sensors of some batches give the
+worst one.
 
 Requirements hold for a sensor that is calibrated by itself: its deviations change what it can reach, and are no
 errors of its forces. `calibrations` says how many also read the force without, or with part of a calibration.
 
 Mechanics come from the surrogate: `worse` and `better` are the shares at the ends of its 90 % intervals, and `check`
-holds drawn sensors against finite elements. The sampling error (`low` to `high`) only says that the number of sensors
-is finite.
+holds drawn sensors against finite elements. The sampling error (`low` to `high`, 95 %) only says that the number of
+sensors is finite.
 """
 
 from __future__ import annotations
@@ -20,6 +23,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from analytic import parts
 from geometry.arrays import Array, Ints
@@ -34,7 +38,7 @@ from studies.sensitivity.beam_motions import SURROGATE, Press, motions
 from studies.sensitivity.calibration import spread_of
 from studies.sensitivity.made_sensors import MadeSensors, made_sensors, share_with_error, tolerances
 from studies.sizing.candidate_performance import performance
-from studies.sizing.sensor_arrays import made_sensors_of, sensors_of_variant
+from studies.sizing.sensor_arrays import Sensors, made_sensors_of, sensors_of_variant
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -43,9 +47,9 @@ if TYPE_CHECKING:
     from studies.sizing.requirements import Requirements
 
 SENSORS = 1000
-"""Number of made sensors."""
+"""Number of made sensors, each of a batch of its own."""
 BATCHES = 25
-"""Number of batches among them; four more, at the ends of the ranges, count for the worst batch only."""
+"""Number of batches of which further sensors are made, and as many of each of four more at the ends of the ranges."""
 OF_PARTS = 0.25
 """Share of a catalogue's range that is the scatter of parts within a batch; assumed: no source parts the two."""
 ENDS = ((0, 0), (0, 1), (1, 0), (1, 1))
@@ -79,7 +83,8 @@ class Yield:
     Attributes
     ----------
     table : a row for all requirements and for each: yield.csv.
-    batches : a row for each batch: the middle of its ranges, sensors within all requirements, whether at the ends.
+    batches : a row for each batch of several sensors: the middle of its ranges, sensors within all requirements,
+        whether at the ends.
     calibrations : a row for each of `CALIBRATIONS`: shares of sensors within all requirements whose force errors are
         below `ALLOWED`; empty where the design itself reaches no such force by the surrogate.
     check : drawn sensors by finite elements and by the surrogate; empty if none was solved.
@@ -147,14 +152,15 @@ def ranges_of(variant: Variant) -> dict[str, tuple[float, float]]:
 
 
 def drawn(variant: Variant, count: int, seed: int) -> tuple[MadeSensors, pd.DataFrame, Ints]:
-    """Draw made sensors of `BATCHES` batches, and as many of each batch at the ends of the ranges.
+    """Draw made sensors, each of a batch of its own, and further ones of `BATCHES` batches and of those at the ends.
 
     Half of the batches lie on each side of the typical value, which is in the middle of no range; a batch is
     `OF_PARTS` of its range wide, and lies within it.
 
     Returns
     -------
-    The sensors, those of the ends last; the middle of each batch; and the batch of each sensor, shape (n,).
+    The sensors, the `count` of a batch of their own first; the middle of each batch of several sensors, those at the
+    ends last; and the batch of each of these sensors, shape (n - count,).
     """
     import pandas as pd
     from scipy.stats import qmc
@@ -162,23 +168,25 @@ def drawn(variant: Variant, count: int, seed: int) -> tuple[MadeSensors, pd.Data
     ranges, number = ranges_of(variant), min(BATCHES, count)
     parts = -(-count // number)
     half = OF_PARTS / 2
-    place = half + (1 - OF_PARTS) * qmc.LatinHypercube(len(ranges), rng=np.random.default_rng(seed)).random(number)
+    random = np.random.default_rng(seed)
+    place = half + (1 - OF_PARTS) * qmc.LatinHypercube(len(ranges), rng=random).random(number)
     at_ends = [(half + (1 - OF_PARTS) * E, 0.5, half + (1 - OF_PARTS) * remanence) for E, remanence in ENDS]
     place = np.vstack([place, at_ends]).T
-    batch = np.append(np.arange(count) % number, np.repeat(number + np.arange(len(ENDS)), parts))
+    batch = np.repeat(np.arange(number + len(ENDS)), parts)
+    middles = np.hstack([half + (1 - OF_PARTS) * random.random((len(ranges), count)), place[:, batch]])
 
     def value(column: int, share: Array) -> Array:
         """Return the values below which lie these shares of what is sold: a half lies below the typical one."""
         name, (low, high) = list(ranges.items())[column]
         return np.asarray(np.interp(share, [0.0, 0.5, 1.0], [low, getattr(variant.design, name), high]))
 
-    values = {name: lambda unit, k=k: value(k, place[k][batch] + half * unit) for k, name in enumerate(ranges)}
+    values = {name: lambda unit, k=k: value(k, middles[k] + half * unit) for k, name in enumerate(ranges)}
     sizes = tolerances_of(variant)
     values |= {
         name: lambda unit, name=name: (getattr(variant.design, name) + sizes[name] * unit).round(MAGNET_DIGITS)
         for name in ("magnet_diameter", "magnet_height")
     }
-    sensors = made_sensors(variant.design, sizes, len(batch), seed, batches=values)
+    sensors = made_sensors(variant.design, sizes, count + len(batch), seed, batches=values)
     middle = [value(k, place[k]) for k in range(len(ranges))]
     table = pd.DataFrame(dict(zip(("E_MPa", "nu", "remanence_T"), middle, strict=True)))
     return sensors, table.assign(at_the_ends=table.index >= number), batch
@@ -201,24 +209,30 @@ def yield_of(
     import pandas as pd
 
     sensors, batches, batch = drawn(variant, count, seed)
-    margins, worse, better = (_margins(variant, sensors, requirements, caution) for caution in (0.0, 1.0, -1.0))
-    met, low, high = (pd.DataFrame(one)[:count] >= 0 for one in (margins, worse, better))
-    every = (pd.DataFrame(margins) >= 0).all(axis=1)
-    groups = every.groupby(batch)
+    made = made_sensors_of(variant, sensors, sensors_of_variant(variant, requirements))
+    possible = np.array([design is not None for design in sensors.designs])
+    margins = _margins(made, possible, requirements, 0.0)
+    first = slice(count)
+    met, low, high = (
+        pd.DataFrame(each) >= 0
+        for each in (margins, *(_margins(made.take(first), possible[first], requirements, c) for c in (1.0, -1.0)))
+    )
+    every = met.all(axis=1)
+    groups = every[count:].groupby(batch)
     batches = batches.assign(sensors=groups.size(), within=groups.sum(), within_percent=100 * groups.mean())
     table = pd.DataFrame([
-        _row(ALL, met.all(axis=1), low.all(axis=1), high.all(axis=1), batch[:count]),
+        _row(ALL, every, low.all(axis=1), high.all(axis=1), batch),
         *(
-            _row(name, met[name], low[name], high[name], batch[:count])
-            | dict(zip(QUANTILES, 100 * np.quantile(margins[name][:count], SHARES), strict=True))
-            for name in (~met).sum().sort_values(ascending=False, kind="stable").index
+            _row(name, met[name], low[name], high[name], batch)
+            | dict(zip(QUANTILES, 100 * np.quantile(margins[name][first], SHARES), strict=True))
+            for name in (~met[first]).sum().sort_values(ascending=False, kind="stable").index
         ),
     ])  # fmt: skip
     load = required_load(variant.design, requirements)
     calibrations = check = pd.DataFrame()
     if load is not None:
-        presses = after_presses(variant, load, requirements, calibration, len(batch), seed)
-        calibrations = _calibrations(sensors, load, requirements, every, batch, count, presses)
+        presses = after_presses(variant, load, requirements, calibration, len(sensors), seed)
+        calibrations = _calibrations(sensors, load, requirements, every, batch, presses)
         check = check_of(sensors, load, count, **solves) if solves else check
     if calibration is not None and not calibrations.empty:
         calibrations = calibrations.replace({"calibration": {"twelve presses": "the calibration"}})
@@ -230,14 +244,12 @@ QUANTILES = tuple(f"margin_{100 * share:g}_percent" for share in SHARES)
 
 
 def _row(name: str, met: pd.Series[bool], worse: pd.Series[bool], better: pd.Series[bool], batch: Ints) -> FlatRow:
-    """Return a row of yield.csv; its interval is that of Clopper and Pearson, for as many independent sensors as are
-    worth those of the batches (Kish: the design effect is the variance of the batches over that of the draws).
+    """Return a row of yield.csv from all sensors, those of a batch of their own first, and from these at the ends of
+    the surrogate's intervals; the interval is that of Clopper and Pearson.
     """
-    count, within = len(met), int(met.sum())
-    share, of_batches = within / count, met.groupby(batch).mean()
-    independent = share * (1 - share) / count
-    effect = max(float(of_batches.var() / len(of_batches)) / independent, 1.0) if independent else 1.0
-    _, low, high = share_with_error(within / effect, count / effect)
+    count = len(met) - len(batch)
+    within = int(met[:count].sum())
+    share, low, high = share_with_error(within, count)
     return {
         "requirement": name,
         "sensors": count,
@@ -247,15 +259,16 @@ def _row(name: str, met: pd.Series[bool], worse: pd.Series[bool], better: pd.Ser
         "high_percent": 100 * high,
         "surrogate_worse_percent": 100 * float(worse.mean()),
         "surrogate_better_percent": 100 * float(better.mean()),
-        "worst_batch_percent": 100 * float(of_batches.min()),
+        "worst_batch_percent": 100 * float(met[count:].groupby(batch).mean().min()),
     }
 
 
-def _margins(variant: Variant, sensors: MadeSensors, requirements: Requirements, caution: float) -> dict[str, Array]:
+def _margins(
+    made: Sensors, possible: NDArray[np.bool_], requirements: Requirements, caution: float
+) -> dict[str, Array]:
     """Return the margins of made sensors, each of shape (n,); those of an impossible sensor are -1."""
-    made = made_sensors_of(variant, sensors, sensors_of_variant(variant, requirements))
     beams = made.beams()
-    possible = np.array([each is not None for each in sensors.designs]) & (beams.outside == "")
+    possible = possible & (beams.outside == "")
     result = performance(made, beams, requirements, caution=caution)
     margins = {name: np.where(possible, values, -1.0) for name, values in result.margins.items()}
     # base and mould are those of the nominal design
@@ -291,7 +304,6 @@ def _calibrations(
     requirements: Requirements,
     every: pd.Series[bool],
     batch: Ints,
-    count: int,
     presses: Array,
 ) -> pd.DataFrame:
     """Return the shares within all requirements and `ALLOWED`; a sensor without a calibration curve has no error that
@@ -304,7 +316,7 @@ def _calibrations(
     except BadInput:
         return pd.DataFrame()
     span = {"z": requirements.force_z, "x": requirements.force_x, "y": requirements.force_x}
-    rows = []
+    count, rows = len(every) - len(batch), []
     for name, quantity in CALIBRATIONS.items():
         if quantity == "presses":
             errors = [presses]
@@ -312,13 +324,14 @@ def _calibrations(
             errors = [axis.made[quantity] / (span[way] or np.nan) for way, axis in axes.items()] if quantity else []
         worst = np.max(errors, axis=0) if errors else np.zeros(len(every))
         within = every & (worst <= ALLOWED)
-        known = worst[:count][np.isfinite(worst[:count])]
+        # an error that is unknown may be the largest
+        known, largest = np.isfinite(worst[:count]), np.quantile(np.nan_to_num(worst[:count], nan=np.inf), 0.95)
         rows.append({
             "calibration": name,
             "within_percent": 100 * float(within[:count].mean()),
-            "worst_batch_percent": 100 * float(within.groupby(batch).mean().min()),
-            "force_error_95_percent": 100 * float(np.quantile(known, 0.95)) if len(known) and errors else np.nan,
-            "unknown": int(count - len(known)),
+            "worst_batch_percent": 100 * float(within[count:].groupby(batch).mean().min()),
+            "force_error_95_percent": 100 * float(largest) if np.isfinite(largest) and errors else np.nan,
+            "unknown": int((~known).sum()),
         })  # fmt: skip
     return pd.DataFrame(rows)
 

@@ -95,16 +95,17 @@ class Found:
 
 def objectives(values: dict[str, Array], needed: Requirements) -> Array:
     """Return what the search makes small, shape (n, 3), as logarithms: one over the range, resolution and size."""
-    resolution = np.fmax(values["resolution_z"], values["resolution_x"])
+    resolution = np.maximum(values["resolution_z"], values["resolution_x"])
     with np.errstate(divide="ignore", invalid="ignore"):
         columns = [-np.log(values["range_z"] / needed.force_z), np.log(resolution), np.log(values["outer_size"])]
     return np.asarray(np.nan_to_num(np.column_stack(columns), nan=1e6, posinf=1e6, neginf=-1e6))
 
 
 def front_of(F: Array, resolution: float = RESOLUTION) -> Ints:
-    """Return the indices of the points (n, m) that no other dominates by more than a resolution, one of each box.
+    """Return the indices of one point (n, m) of each box of a resolution that no other box dominates.
 
-    The points with the least value of each objective belong to it.
+    A point that is left out is better than one that stays by less than a resolution in each objective. The points
+    with the least value of each objective belong to it.
 
     >>> front_of(np.array([[0.0, 1.0], [1.0, 0.0], [0.001, 1.001], [1.0, 1.0]])).tolist()
     [0, 1]
@@ -123,17 +124,22 @@ def front_of(F: Array, resolution: float = RESOLUTION) -> Ints:
         resolution *= 2
 
 
-def dominated(F: Array) -> NDArray[np.bool_]:
-    """Return which points (n, m) another one dominates: nowhere worse and somewhere better."""
+def dominated(F: Array, resolution: Array | float = 0.0) -> NDArray[np.bool_]:
+    """Return which points (n, m) another one dominates: nowhere worse, somewhere better by more than a resolution.
+
+    >>> dominated(np.array([[0.0, 1.0], [0.0, 1.004], [0.0, 1.006]]), 0.005).tolist()
+    [False, False, True]
+    """
     result = np.zeros(len(F), dtype=np.bool_)
+    limit = F - resolution
     for start in range(0, len(F), 256):
-        part = F[start : start + 256]
-        no_worse = np.ones((len(part), len(F)), dtype=np.bool_)
+        rows = slice(start, start + 256)
+        no_worse = np.ones((len(F[rows]), len(F)), dtype=np.bool_)
         better = np.zeros_like(no_worse)
         for k in range(F.shape[1]):
-            no_worse &= F[:, k] <= part[:, [k]]
-            better |= F[:, k] < part[:, [k]]
-        result[start : start + 256] = (no_worse & better).any(axis=1)
+            no_worse &= F[:, k] <= F[rows, [k]]
+            better |= F[:, k] < limit[rows, [k]]
+        result[rows] = (no_worse & better).any(axis=1)
     return result
 
 
