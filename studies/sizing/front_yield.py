@@ -325,7 +325,8 @@ def _calibrations(
         worst = np.max(errors, axis=0) if errors else np.zeros(len(every))
         within = every & (worst <= ALLOWED)
         # an error that is unknown may be the largest
-        known, largest = np.isfinite(worst[:count]), np.quantile(np.nan_to_num(worst[:count], nan=np.inf), 0.95)
+        known = np.isfinite(worst[:count])
+        largest = np.quantile(np.where(known, worst[:count], np.inf), 0.95, method="higher")
         rows.append({
             "calibration": name,
             "within_percent": 100 * float(within[:count].mean()),
