@@ -11,9 +11,10 @@ demo: setup
 	$(BIN)/magtip demo --out $(OUT)
 
 # two at a time, in this order: numba compiles beside the tests without extras, and the other tests, which read its
-# files, begin while the checks end
+# files, begin while the checks end; what is left out, because a program is missing, is said in the last lines
 test:
 	$(MAKE) --no-print-directory -j2 plain compile check pytest
+	@command -v npm >/dev/null || echo "left out: format and rules of the pages' scripts, npm is not installed"
 
 # as many processes as cores, so each on one thread; one that has ended takes tests over from another
 pytest: compile

@@ -1,5 +1,6 @@
 """Fixtures that several test files share: running a command line, reading the JSON that it prints, a browser."""
 
+import collections
 import contextlib
 import functools
 import gc
@@ -24,6 +25,8 @@ from studies.output import figures
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
+BY_PLAIN = "make plain runs it"
+"""Why a test is skipped that `make test` runs in an environment of its own."""
 NO_BROWSER = "no Chromium is installed (Debian: apt-get install chromium)"
 """Why a test of a page is skipped, or fails where a browser is needed."""
 
@@ -43,11 +46,20 @@ def pytest_collection(session):
 
 
 def pytest_terminal_summary(terminalreporter):
-    """Say how many tests of the pages did not run because there is no browser."""
-    skipped = [report for report in terminalreporter.stats.get("skipped", []) if NO_BROWSER in str(report.longrepr)]
-    if skipped:
-        text = f"{len(skipped)} tests of the pages' JavaScript did not run: {NO_BROWSER}"
-        terminalreporter.write_line(text, red=True, bold=True)
+    """Say which checks did not run, and why, but for the run without extras, a part of `make test`."""
+    if not os.environ.get("MAGTIP_PLAIN"):
+        for line in left_out(terminalreporter.stats.get("skipped", [])):
+            terminalreporter.write_line(line, red=True, bold=True)
+
+
+def left_out(skipped):
+    """Return a line for each reason for which tests were skipped, but for those that `make plain` runs."""
+    reasons = collections.Counter(report.longrepr[2].removeprefix("Skipped: ") for report in skipped)
+    return [
+        f"left out: {count} test{'s' if count > 1 else ''}, {reason}"
+        for reason, count in reasons.items()
+        if reason != BY_PLAIN
+    ]
 
 
 def pytest_collection_finish():

@@ -435,7 +435,15 @@ def test_intervals_of_simulated_sensors_are_judged_by_their_truth(tmp_path, monk
     assert table.inside_percent.mean() > 70
     assert len(found.frame("unknowns")) == 26
     wrong = [row | {"inside": False} for row in found.tables["unknowns"]]
-    assert calibration_check.result(found.records, wrong, "").failures
+    assert calibration_check.result(found.records, wrong, "", 1).failures
+    # all rows but one are lost, or a sensor is
+    unknowns = found.tables["unknowns"]
+    few = [found.records[0] | {"lost": calibration_check.UNSEEN - 1}]
+    (said,) = calibration_check.result(few, unknowns, "", 1).failures
+    assert "rows without a force: 99.5 %, goal at most 1 %" in said
+    (said,) = calibration_check.result(found.records, unknowns, "", 2).failures
+    assert "sensors without a calibration: 1, goal at most 0" in said
+    assert "sensors without" not in " ".join(found.failures)
 
 
 def test_the_scan_of_a_real_magnet_gives_its_polarisation(run):

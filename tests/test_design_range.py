@@ -28,7 +28,8 @@ def test_the_largest_magnets_leave_the_wall():
 
 def row(number):
     sizes = {f"{name}_mm": 1.0 for name in design_range.SIZES}
-    return {"design": number, **sizes, "status": "ok", "message": "", **dict.fromkeys(design_range.COLUMNS)}
+    steps = dict.fromkeys(design_range.COLUMNS) | dict.fromkeys(design_range.STEPS, "ok")
+    return {"design": number, **sizes, "status": "ok", "message": "", **steps}
 
 
 def test_a_design_that_fails_is_told(monkeypatch, run, refusal, tmp_path, strict):
@@ -53,6 +54,15 @@ def test_a_design_that_fails_is_told(monkeypatch, run, refusal, tmp_path, strict
 def test_without_a_possible_design_nothing_is_shown():
     assert goals.missed(design_range.goals([row(0) | {"status": "impossible"}]))
     assert not goals.missed(design_range.goals([row(0)]))
+    few = design_range.goals([row(k) | {"status": "impossible" if k else "ok"} for k in range(5)])
+    assert [goal.name for goal in goals.missed(few)] == ["designs that are possible"]
+
+
+@pytest.mark.parametrize("step", design_range.STEPS)
+def test_a_step_that_every_design_is_refused_misses_its_goal(step):
+    (lost,) = goals.missed(design_range.goals([row(k) | {step: "impossible"} for k in range(9)]))
+    assert (lost.value, lost.name) == (0, f"possible designs with a {design_range.STEPS[step]}")
+    assert not goals.missed(design_range.goals([row(k) | {step: "ok" if k else "impossible"} for k in range(10)]))
 
 
 @pytest.mark.parametrize(("number", "ending"), [(3, "impossible"), (20, "ok"), (21, "ok")])

@@ -7,6 +7,7 @@ import tomllib
 from pathlib import Path
 
 import pytest
+from conftest import BY_PLAIN, left_out
 from plain_environment import needed
 
 from studies.cli import commands
@@ -159,3 +160,14 @@ def test_one_version(project):
     assert newest is not None
     assert newest[1] == version
     assert f"\nversion: {version}\n" in (ROOT / "CITATION.cff").read_text("utf-8")
+
+
+def test_what_a_machine_leaves_out_is_said_with_its_reason():
+    """But for what `make plain` runs beside it."""
+    reasons = ["not installed: clang", BY_PLAIN, "not installed: clang", "needs the extra `fast`"]
+    reports = [
+        pytest.TestReport(f"test_{k}", ("a.py", k, ""), {}, "skipped", ("a.py", k, f"Skipped: {reason}"), "setup")
+        for k, reason in enumerate(reasons)
+    ]
+    said = ["left out: 2 tests, not installed: clang", "left out: 1 test, needs the extra `fast`"]
+    assert left_out(reports) == said

@@ -172,6 +172,8 @@ def test_an_unknown_estimate_covers_nothing_and_states_without_a_comparison_miss
         lost = missed([state(0.01, 0.015), state(0.0, 0.0, status=ended)])
         assert lost == ["states without a comparison: 1, goal at most 0"]
     assert not missed([state(0.01, 0.015), state(0.0, 0.0, status="unstable")])
+    (lost,) = missed([state(0.0, 0.0, status="unstable")] * 9)
+    assert lost == "states that are compared: 0 %, goal at least 50 %"
 
 
 # The trials of critical depths, small shears and frequencies, as the accuracy study runs them

@@ -17,6 +17,7 @@ from geometry.design import Design, paper
 from studies.cli import main
 from studies.firmware import decoder_export
 from studies.firmware.decoder_export import STATUSES
+from studies.output.goals import missed
 from studies.sensing import decode_readings
 from studies.validation import firmware_check
 
@@ -96,6 +97,7 @@ def test_c_is_python_over_the_workspace_and_over_time(firmware, compiler, tmp_pa
     program = firmware_check.compiled(tmp_path, compiler, [*firmware_check.STRICT, "-O0"])
     outputs, truth = firmware_check.random_outputs(coder, 1500, rng)
     expected = decoder_export.reference(coder, firmware.made, outputs)
+    expected["half_width"] = firmware_check.expected_half_widths(firmware, None, outputs, expected["shift"])
     full = np.nanmax(np.abs(expected["force"]))
     found = firmware_check.answers(program, outputs)
     off = firmware_check.differences(found, expected, full, truth)
@@ -103,6 +105,14 @@ def test_c_is_python_over_the_workspace_and_over_time(firmware, compiler, tmp_pa
     # the goal is 0.5 %, float alone leaves 0.001 %
     assert off["force_percent"] < 0.02
     assert off["force_percent"] < 100 * firmware.errors[1] / firmware.errors[2] + 0.005
+    assert off["half_width_percent"] < 0.1
+    found["half_width"][:3] *= [[0.5], [1.0], [1.0]]
+    assert firmware_check.differences(found, expected, full, truth)["half_width_percent"] == pytest.approx(
+        50, abs=0.1
+    )
+    found["half_width"][:3] = np.nan
+    off = firmware_check.differences(found, expected, full, truth)
+    assert off["half_width_percent"] == off["narrower_percent"] == np.inf
     assert_allclose(found["tilt"], expected["tilt"], atol=1e-4)
     assert_array_equal(found["poses"], expected["poses"])
     series, times = firmware_check.series_outputs(coder, 400, rng)
@@ -113,6 +123,27 @@ def test_c_is_python_over_the_workspace_and_over_time(firmware, compiler, tmp_pa
     assert off["statuses_percent"] == 0
     assert off["force_percent"] < 0.02
     assert {"ok", "after_gap", "jump", "not_finite", "saturated"} <= set(timed["status"])
+
+
+def test_goals_see_half_widths_and_allow_one_row_of_a_few():
+    good = {goal["column"]: 0.0 for goal in firmware_check.PLAN["goals"]} | {"flash_bytes": 9}
+    rows = [good | {k: c.get(k, False) for k in ("level", "flash", "folds")} | {"design": c["name"]}
+            for c in firmware_check.PLAN["case"]]  # fmt: skip
+
+    def lost(fewer, level, **changes):
+        changed = [row | (changes if row["level"] == level else {}) for row in rows]
+        return [goal.name for goal in missed(firmware_check.goals(changed, fewer))]
+
+    assert lost(1, "finite") == []
+    assert lost(1, "finite", half_width_percent=2.0) == ["half widths, off from Python"]
+    # a calibration's are rounded up, and may not be narrow
+    assert lost(1, "calibrated", half_width_percent=40.0, wider_percent=10.0) == []
+    assert lost(1, "calibrated", narrower_percent=30.0) == ["half widths of calibrations, less than in Python"]
+    assert len(lost(100, "finite", half_width_percent=np.nan)) == 1
+    # 0.5 % are one row of the 200 of a quick run
+    assert lost(100, "finite", statuses_percent=0.5, series_statuses_percent=0.5) == []
+    assert len(lost(100, "finite", statuses_percent=1.0, series_statuses_percent=1.0)) == 2
+    assert len(lost(1, "finite", statuses_percent=0.5, series_statuses_percent=0.5)) == 2
 
 
 @needs("gcc")
@@ -168,7 +199,7 @@ def test_the_target_gives_the_same_answers_within_its_limits(firmware, tmp_path)
     found = firmware_check.answers(program, outputs)
     off = firmware_check.differences(found, expected, firmware.errors[2], truth)
     assert (off["statuses_percent"], off["force_percent"] < 0.02) == (0, True)
-    most = {column: bound for _, column, bound, _ in firmware_check.PLAN["goals"]}
+    most = {goal["column"]: goal["most"] for goal in firmware_check.PLAN["goals"]}
     assert 1000 < found["instructions"].max() < most["instructions_most"]
     assert flash < 16384
     assert ram + found["stack"].max() < most["ram_bytes"]

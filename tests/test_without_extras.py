@@ -4,11 +4,12 @@ import importlib.util
 import os
 
 import pytest
+from conftest import BY_PLAIN
 
 SLENDER = ("paper", "--set", "L=32", "--set", "l0=30.2", "--magnet", "ignored", "--accuracy", "quick", "--json")
 
 
-@pytest.mark.skipif(not os.environ.get("MAGTIP_PLAIN"), reason="make plain runs it")
+@pytest.mark.skipif(not os.environ.get("MAGTIP_PLAIN"), reason=BY_PLAIN)
 def test_no_extra_is_installed():
     assert [name for name in ("mkl", "distributed") if importlib.util.find_spec(name)] == []
 

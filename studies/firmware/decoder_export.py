@@ -180,9 +180,6 @@ def calibrated(design: Design, path: Path) -> tuple[Decoder, Callable[[Array], A
 
     found = calibration_file.of_design(path, design)
     coder = calibrated_forces.coder_of(found)
-    law = coder.mechanics
-    assert law is not None
-    fit = np.array([law.errors[1], law.errors[1], law.errors[2]]) / 2
 
     def unsure(shift: Array) -> Array:
         at = np.zeros(len(shift))
@@ -190,12 +187,23 @@ def calibrated(design: Design, path: Path) -> tuple[Decoder, Callable[[Array], A
             calibrated_forces.intervals(found, [found.covariance], shift, at, zeroed=zeroed)[0]
             for zeroed in (False, True)
         ]
-        slopes, by_shift = readings_with_slopes(coder.forward, shift.T.copy())[1], forces(law, shift.T)[1]
-        noise = np.einsum("jin,jkn->nik", by_shift, spread(coder.sigma, slopes))
-        known = QUANTILE**2 * (np.square(noise).sum(axis=2) + fit**2)
-        return np.asarray(np.sqrt(np.maximum(np.square(wide).max(axis=0) - known, 1e-12)))
+        known = half_widths(coder, coder.sigma, shift)
+        return np.asarray(np.sqrt(np.maximum(np.square(wide).max(axis=0) - np.square(known), 1e-12)))
 
     return coder, unsure
+
+
+def half_widths(coder: Decoder, sigma: Array, shift: Array) -> Array:
+    """Return half of the 90 % intervals of forces of slow loading at shifts (n, 3), N, shape (n, 3).
+
+    They contain the noise of the readings, standard deviations `sigma` (k,) in T, and the fit of the mechanics.
+    """
+    law = coder.mechanics
+    assert law is not None
+    fit = np.array([law.errors[1], law.errors[1], law.errors[2]]) / 2
+    slopes, by_shift = readings_with_slopes(coder.forward, shift.T.copy())[1], forces(law, shift.T)[1]
+    noise = np.einsum("jin,jkn->nik", by_shift, spread(sigma, slopes))
+    return np.asarray(QUANTILE * np.sqrt(np.square(noise).sum(axis=2) + fit**2))
 
 
 def _fitting(coder: Decoder, room: int, flash: str, unsure: Callable[[Array], Array] | None) -> Tables:

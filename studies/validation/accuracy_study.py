@@ -55,8 +55,8 @@ WIDER = {
 """Largest true errors of the levels, and wider ones of two scenes; the page gives the reasons."""
 COVERAGE, SHARPNESS, SHARP, CLEAR = 0.95, 0.5, 3.0, 3e-4
 """Goals of coverage and sharpness; an estimate is sharp up to SHARP true errors, or up to CLEAR in any case."""
-LEAST_STATES = 8
-"""Coverage and sharpness of fewer states are not compared with their goals."""
+LEAST_STATES, COMPARED = 8, 50.0
+"""Coverage and sharpness of fewer states are not compared with their goals; least share of compared states, %."""
 PLAN: Row = tomllib.loads(Path(__file__).with_name("accuracy_plan.toml").read_text("utf-8"))
 FINE_SHEARS = range(4)
 """Designs that are sheared, and whose tangents are solved, at level fine."""
@@ -344,7 +344,12 @@ def references(states: pd.DataFrame) -> list[Row]:
 
 def goals(states: pd.DataFrame) -> list[Goal]:
     lost = int((~states.status.isin(["ok", *UNSTABLE])).sum())
-    posed = [Goal("states without a comparison", lost, 0, len(states))]
+    compared = 100 * float((states.status == "ok").mean()) if len(states) else None
+    posed = [
+        Goal("states without a comparison", lost, 0, len(states)),
+        # unstable states are none, but of them alone no error is known
+        Goal("states that are compared", compared, COMPARED, len(states), "%", at_least=True),
+    ]
     judged = (
         ("true errors that are at most the estimate", "coverage", COVERAGE),
         (f"estimates that are at most {SHARP:g} times the true error", "sharpness", SHARPNESS),

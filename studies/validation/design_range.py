@@ -32,7 +32,11 @@ END = 0.1
 """Share of the samples at each end of each quantity's range."""
 VOLUME, BASE, LEAST_JACOBIAN = 1e-5, 1e-4, 0.05
 """Largest relative errors of volumes and of the base, and least ratio of the Jacobians of a cell."""
-STEPS = ["solids", "section", "solid_mesh"]
+STEPS = {"solids": "mould and solids", "section": "section mesh", "solid_mesh": "mesh of tetrahedra"}
+"""Steps, in words."""
+MADE, POSSIBLE = 90.0, 25.0
+"""Least shares of the possible designs that pass each step, which others refuse for a reason, and of the sampled
+designs that are possible, %: more refusals would leave the study without anything to judge."""
 SIZES = ("D", "L", "magnet_diameter", "magnet_height", "magnet_edge_radius")
 COLUMNS = (
     *("wall_mm", "solids", "solids_s", "section", "section_ms", "triangles", "section_volume_error"),
@@ -100,7 +104,7 @@ def result(rows: Sequence[Row]) -> Result:
 
 
 def summary(rows: Sequence[Row]) -> list[Row]:
-    sizes = pd.DataFrame(rows, columns=list(COLUMNS)).drop(columns=STEPS).astype(float).abs()
+    sizes = pd.DataFrame(rows, columns=list(COLUMNS)).drop(columns=list(STEPS)).astype(float).abs()
     table = sizes.dropna(axis=1, how="all").agg(["min", "median", "max"]).T
     table.columns = ["least", "median", "greatest"]
     return pages.records(table.rename_axis("quantity").reset_index())
@@ -110,7 +114,15 @@ def goals(rows: Sequence[Row]) -> list[Goal]:
     failed = [str(row["design"]) for row in rows if row["status"] == "failed"]
     possible = sum(row["status"] != "impossible" for row in rows)
     named = f" (design {', '.join(failed)})" if failed else ""
-    return [Goal(f"designs that fail{named}", len(failed), 0, possible)]
+    found = [Goal(f"designs that fail{named}", len(failed), 0, possible)]
+    counts = {"designs that are possible": (possible, POSSIBLE, len(rows))}
+    for step, words in STEPS.items():
+        good = sum(row[step] == "ok" for row in rows)
+        counts[f"possible designs with a {words}"] = good, MADE, possible
+    return found + [
+        Goal(name, 100 * good / max(count, 1), least, count, "%", at_least=True)
+        for name, (good, least, count) in counts.items()
+    ]
 
 
 def examine(number: int, sample: Row) -> Row:
