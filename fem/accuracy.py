@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-__all__ = ["FINE", "LEVELS", "QUICK", "STANDARD", "Accuracy"]
+__all__ = ["FINE", "LEVELS", "QUICK", "STANDARD", "Accuracy", "level"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +34,20 @@ QUICK = Accuracy("quick", 0.16, 0.16, 0.012, 0.03, 2)
 STANDARD = Accuracy("standard", 0.09, 0.14, 0.006, 0.02, 3)
 FINE = Accuracy("fine", 0.045, 0.10, 0.002, 0.01, 4)
 LEVELS = {level.name: level for level in (QUICK, STANDARD, FINE)}
+
+
+def level(accuracy: Accuracy | str) -> Accuracy:
+    """Return an accuracy as it is, or the level of this name.
+
+    >>> level("quick") is QUICK
+    True
+    """
+    found = LEVELS.get(accuracy) if isinstance(accuracy, str) else accuracy
+    if not isinstance(found, Accuracy):
+        names = ", ".join(LEVELS)
+        raise TypeError(f"accuracy must be one of {names}, or an Accuracy of fem.accuracy; got {accuracy!r}")
+    return found
+
 
 COARSER = 1.5
 """Edge lengths, and load increments with friction, of the coarser mesh for error estimates, over those of the

@@ -14,8 +14,9 @@ import math
 import time
 from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import replace
+from typing import Any
 
-from fem.accuracy import STANDARD, Accuracy
+from fem.accuracy import STANDARD, Accuracy, level
 from fem.results.error_estimates import estimate_response
 from fem.results.lateral_stiffness import SidewaysModel
 from fem.results.postprocess import read
@@ -32,11 +33,12 @@ __all__ = ["solve", "trace", "walk"]
 
 def solve(
     design: Design,
-    load: Load,
-    accuracy: Accuracy = STANDARD,
+    load: Load | None = None,
+    accuracy: Accuracy | str = STANDARD,
     *,
     magnet: Magnet = "rigid",
     model: Model = "auto",
+    **motion: Any,
 ) -> Solution:
     """Solve for the state of the sensor under one load.
 
@@ -44,9 +46,10 @@ def solve(
     ----------
     design : the sensor; lengths in mm, E in MPa.
     load : motion of the plate or grip: depth and shears in mm, tilt in rad.
-    accuracy : QUICK, STANDARD or FINE of `fem.accuracy`.
+    accuracy : QUICK, STANDARD or FINE of `fem.accuracy`, or its name.
     magnet : "rigid", or "ignored" for a beam that is all silicone.
     model : "axisymmetric", "harmonic", "half" or "full"; "auto" takes the smallest one that can carry the load.
+    motion : fields of the load, in place of one.
 
     Returns
     -------
@@ -69,14 +72,18 @@ def solve(
     >>> state = solve(paper(), Load(depth=0.1), QUICK)
     >>> state.status, round(state.response.force[2], 2)
     ('ok', 0.12)
+    >>> solve(paper(), depth=0.1, accuracy="quick").response == state.response
+    True
     """
-    return trace(design, [load], accuracy, magnet=magnet, model=model)[-1]
+    if (load is None) == (not motion):
+        raise TypeError("solve takes a load or the fields of one: write solve(design, Load(depth=1.0)) or depth=1.0")
+    return trace(design, [Load(**motion) if load is None else load], accuracy, magnet=magnet, model=model)[-1]
 
 
 def trace(
     design: Design,
     loads: Sequence[Load],
-    accuracy: Accuracy = STANDARD,
+    accuracy: Accuracy | str = STANDARD,
     *,
     magnet: Magnet = "rigid",
     model: Model = "auto",
@@ -102,7 +109,7 @@ def trace(
     BadInput, TypeError
         As in `solve`.
     """
-    scene = Scene(design, tuple(loads), accuracy, magnet, model)
+    scene = Scene(design, tuple(loads), level(accuracy), magnet, model)
     return list(walk(scene, estimate=estimate, progress=progress))
 
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from fem.accuracy import LEVELS, STANDARD, Accuracy, coarser
+from fem.accuracy import STANDARD, Accuracy, coarser, level
 from geometry.arrays import Array
 from geometry.design import BadInput, Design, Shape
 from geometry.loads import Load, Magnet, check_kinds, check_load
@@ -84,10 +84,7 @@ class Scene:
     mesh: skfem.MeshTet2 | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
-        accuracy: object = self.accuracy
-        if not isinstance(accuracy, Accuracy):
-            names = ", ".join(name.upper() for name in LEVELS)
-            raise TypeError(f"accuracy must be {names} of fem.accuracy, or another Accuracy; got {accuracy!r}")
+        object.__setattr__(self, "accuracy", level(self.accuracy))
         object.__setattr__(self, "loads", tuple(self.loads))
         if not self.loads:
             raise BadInput("a path needs at least one load")

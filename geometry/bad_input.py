@@ -1,9 +1,12 @@
 """The errors that a user can meet, words of remedies, and the ranges of input fields."""
 
 import dataclasses
+import functools
 import math
 from collections.abc import Iterable, Sequence
-from typing import Any
+from typing import Any, TypeVar
+
+Record = TypeVar("Record")
 
 
 class BadInput(ValueError):
@@ -47,17 +50,36 @@ def nearest(word: str, words: Iterable[str]) -> str:
 
 
 def closest(word: str, words: Iterable[str]) -> str | None:
-    """Return the known word that differs in case only, or else the most similar one; None if none is similar.
+    """Return the known word that differs in case only, or else the first one of which it is the first part, or else
+    the most similar one; None if none is similar.
 
     >>> closest("d", ["D", "E"]), closest("magnet_hieght", ["D", "magnet_height"]), closest("colour", ["D"])
     ('D', 'magnet_height', None)
+    >>> closest("shear", ["shear_x", "shear_y"])
+    'shear_x'
     """
     import difflib
 
     known = list(words)
     # difflib distinguishes case, and would rate "d" and "D" as entirely different
     same = [candidate for candidate in known if candidate.casefold() == word.casefold()]
+    same = same or [candidate for candidate in known if word and candidate.startswith(f"{word}_")]
     return next(iter(same or difflib.get_close_matches(word, known, n=1)), None)
+
+
+def known_fields(record: type[Record]) -> type[Record]:
+    """Let a dataclass answer to an unknown field with a TypeError that says what to write."""
+    made, names = record.__init__, [spec.name for spec in dataclasses.fields(record)]  # type: ignore[arg-type]
+
+    @functools.wraps(made)
+    def checked(self: Record, *values: Any, **fields: Any) -> None:
+        for name in fields:
+            if name not in names:
+                raise TypeError(f"{record.__name__} has no {name}: {nearest(name, names)}")
+        made(self, *values, **fields)
+
+    record.__init__ = checked  # type: ignore[assignment, method-assign]
+    return record
 
 
 def words(name: str, text: str) -> str:

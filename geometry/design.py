@@ -12,7 +12,7 @@ from operator import attrgetter
 from typing import Any, Self
 
 from geometry.bad_input import BadInput as BadInput
-from geometry.bad_input import in_range, nearest, no_effect, quantity, words
+from geometry.bad_input import in_range, known_fields, nearest, no_effect, quantity, words
 from geometry.hall_chips import CHIPS, CIRCLES, OWN, HallChip, least_radius
 
 __all__ = ["PRESETS", "BadInput", "Design", "Shape", "paper"]
@@ -125,6 +125,7 @@ class Shape:
         return type(self)(self.D, self.L, 0.0, 0.0, 0.0)
 
 
+@known_fields
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Design:
     """A sensor. All fields are floats, except names (`law`, `magnet_north`, `hall_layout`, `modulus`) and `prony`.
@@ -454,12 +455,17 @@ def _checked(spec: dataclasses.Field[Any], value: object) -> float | str:
     return in_range(spec, value)
 
 
-def paper() -> Design:
+def paper(**fields: Any) -> Design:
     """Return the sensor of Chathuranga et al., IEEE Sensors Journal 2016; what the paper leaves open is assumed.
 
     The assumed magnet height, remanence and l0 reproduce the paper's output of S1 at rest, 2.87 V.
+
+    fields : those that differ from it.
+
+    >>> paper(L=20.0).L
+    20.0
     """
-    return Design()
+    return Design(**fields)
 
 
 PRESETS = {"paper": paper}

@@ -10,7 +10,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, Self, TypeVar, get_args
 
-from geometry.design import BadInput, Design
+from geometry.bad_input import BadInput, known_fields
+from geometry.design import Design
 
 if TYPE_CHECKING:
     import numpy as np
@@ -27,6 +28,7 @@ STEEPEST = 0.7
 """Largest tilt of a plate, rad: a steeper plate touches the cylindrical wall of the beam soon after the dome."""
 
 
+@known_fields
 @dataclass(frozen=True, slots=True)
 class Load:
     """The prescribed motion of a flat rigid plate, or of a grip that holds the tip.

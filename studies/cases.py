@@ -217,7 +217,8 @@ def _check_kinds(cases: object, models: object, base: object, quantities: object
     for name, value, kinds in (("models", models, (str, FemModel)), ("quantities", quantities, (str,))):
         listed = isinstance(value, Sequence) and not isinstance(value, str)
         if not listed or not all(isinstance(one, kinds) for one in value):  # type: ignore[attr-defined]
-            raise BadInput(f"{name} must be a list of names; got {value!r:.60}")
+            example = f", such as [{value!r:.60}]" if isinstance(value, str) else ""
+            raise BadInput(f"{name} must be a list of names{example}; got {value!r:.60}")
     if not models:
         raise BadInput("no model is given: name some, such as fem and paper")
     if not isinstance(reference, str):

@@ -7,12 +7,15 @@ import re
 from functools import cache
 from pathlib import Path
 
+import pandas as pd
 import pytest
 
+import fem
 from fem.accuracy import QUICK
 from fem.equilibrium import solve
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load
+from studies.cases import answer
 
 ROOT = Path(__file__).resolve().parent.parent
 ALLOWED = {
@@ -219,7 +222,26 @@ def test_exported_names_exist_and_have_help(name):
 @pytest.mark.parametrize(
     ("call", "error", "text"),
     [
-        (lambda: solve(paper(), Load(1.0), "quick"), TypeError, "accuracy must be QUICK, STANDARD, FINE of fem.acc"),
+        (lambda: solve(paper(), Load(1.0), "quik"), TypeError, "accuracy must be one of quick, standard, fine, or"),
+        (
+            lambda: solve(paper()),
+            TypeError,
+            "solve takes a load or the fields of one: write solve(design, Load(depth",
+        ),
+        (lambda: solve(paper(), Load(1.0), shear_x=1.0), TypeError, "solve takes a load or the fields of one: write"),
+        (lambda: solve(paper(), depht=1.0), TypeError, "Load has no depht: did you mean depth?"),
+        (lambda: Load(shear=1), TypeError, "Load has no shear: did you mean shear_x?"),
+        (lambda: Design(magnet_diam=3), TypeError, "Design has no magnet_diam: did you mean magnet_diameter?"),
+        (
+            lambda: fem.solve(paper()),
+            TypeError,
+            "fem.solve is a sub-package: write `from fem.equilibrium import solve",
+        ),
+        (
+            lambda: answer(pd.DataFrame(), "fem"),
+            BadInput,
+            "models must be a list of names, such as ['fem']; got 'fem'",
+        ),
         (lambda: solve(paper(), Load(1.0), QUICK, magnet="none"), BadInput, "magnet must be rigid or ignored; got"),
         (lambda: solve(paper(), 1.0), TypeError, "the load must be a Load, such as Load(depth=1.0); got 1.0"),
         (lambda: solve("paper", Load(1.0)), TypeError, "the design must be a Design, such as paper(); got 'paper'"),
@@ -234,6 +256,12 @@ def test_wrong_arguments_are_told_what_is_accepted(call, error, text):
         call()
     assert str(raised.value).startswith(text)
     assert "\n" not in str(raised.value)
+
+
+def test_what_a_user_writes_first_is_taken():
+    assert paper(L=20.0) == Design(L=20.0)
+    short, whole = solve(paper(), depth=0.1, accuracy="quick"), solve(paper(), Load(depth=0.1), QUICK)
+    assert short.response == whole.response
 
 
 @pytest.mark.parametrize("package", ["fem", "geometry", "analytic"])
