@@ -13,7 +13,7 @@ from geometry.design import BadInput, Design, paper
 from geometry.loads import Load
 from studies.mechanics import surrogate_response
 from studies.sensitivity import sensitivity_study
-from studies.sensitivity.beam_motions import QUANTITIES, Press, motions, names, sampled_outputs
+from studies.sensitivity.beam_motions import QUANTITIES, Press, motions, names, readings, sampled_outputs
 from studies.sensitivity.global_sensitivity import (
     effects,
     indices,
@@ -108,6 +108,11 @@ def test_all_methods_write_their_tables_pictures_and_the_page(run, tmp_path, str
         with open(tmp_path / "o" / f"{name}.csv", newline="", encoding="utf-8") as file:
             table = list(csv.DictReader(file))
         assert len(table) == {"sobol": 10, "morris": 10, "montecarlo": 20}[name]
+    # an error that the model does not state is no error of 0
+    names = ("model_error_over_deviation", "model_error_percent")
+    assert {row[name] for row in rows for name in names if name in row} == {None}
+    assert "points by model finite, which states no error" in text
+    assert "the model states no error of its sensitivity" in text
     first = next(row for row in rows if row["method"] == "sobol")
     assert first["total_order"] == pytest.approx(1.0, abs=0.2)
 
@@ -288,7 +293,9 @@ def test_formulas_answer_each_sensor_and_load():
     assert moved.values["force_z"][1, 1] == truth.force[2]
     assert moved.values["tilt"][1, 1] == truth.tilt
     assert moved.values["shift_z"][0, 0] == beam.solve(paper(), Load(0.5), "finite").shift[2]
-    assert not moved.half_widths["force_z"].any()
+    # formulas state no error, and none of the readings that follow
+    assert np.isnan(moved.half_widths["force_z"]).all()
+    assert np.isnan(readings([paper(), LONGER], moved)[1]).all()
 
 
 def test_the_surrogate_refuses_beyond_buckling_as_everywhere():

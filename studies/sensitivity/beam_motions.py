@@ -69,7 +69,7 @@ class Motions:
     Attributes
     ----------
     values : each of `QUANTITIES`, shape (n, k); NaN where the model refuses.
-    half_widths : half width of the model's 90 % interval, in the same form; 0 for a model that states none.
+    half_widths : half width of the model's 90 % interval, in the same form; NaN for a model that states none.
     refusals : why the model refuses, "" where it does not; texts of shape (n, k).
     """
 
@@ -180,15 +180,17 @@ def _by_formula(level: str, designs: Sequence[Design | None], depth: Array, shea
         numbers = (force_x, force_z, shift_x, shift_z, response.tilt, response.contact_radius)
         for name, number in zip(QUANTITIES, numbers, strict=True):
             values[name][at] = number
-    return Motions(values, {name: np.zeros(depth.shape) for name in QUANTITIES}, refusals)
+    return Motions(values, {name: np.full(depth.shape, np.nan) for name in QUANTITIES}, refusals)
 
 
 def readings(designs: Sequence[Design | None], moved: Motions) -> tuple[Array, Array]:
     """Return the outputs of the elements in all states, not rounded, shape (n, k, 3), V or T, and their half widths.
 
-    The half widths follow from those of the motions, one motion after the other, added as independent errors.
+    The half widths follow from those of the motions, one motion after the other, added as independent errors; NaN
+    where one of them is unknown.
     """
-    causes = [name for name in ("shift_x", "shift_z", "tilt") if moved.half_widths[name].any()]
+    widths = {name: moved.half_widths[name] for name in ("shift_x", "shift_z", "tilt")}
+    causes = [name for name, width in widths.items() if (width > 0).any()]
     changed = [dict(moved.values) | {name: moved.values[name] + moved.half_widths[name]} for name in causes]
     # all variants at once: a design's magnet is then evaluated once
     stacked = {
@@ -196,7 +198,8 @@ def readings(designs: Sequence[Design | None], moved: Motions) -> tuple[Array, A
     }
     outputs, *varied_outputs = np.split(_outputs(designs, stacked), len(changed) + 1, axis=1)
     squares = [(output - outputs) ** 2 for output in varied_outputs]
-    return outputs, np.sqrt(np.sum(squares, axis=0)) if squares else np.zeros_like(outputs)
+    width = np.sqrt(np.sum(squares, axis=0)) if squares else np.zeros_like(outputs)
+    return outputs, np.where(np.isnan(sum(widths.values()))[..., None], np.nan, width)
 
 
 def _outputs(designs: Sequence[Design | None], values: Mapping[str, Array]) -> Array:

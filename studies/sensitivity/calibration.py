@@ -80,7 +80,7 @@ def curves(model: str, sensors: MadeSensors, load: Press) -> dict[str, tuple[Cur
 
 
 def sensitivity_errors(model: str, design: Design, load: Press) -> dict[str, float]:
-    """Return the model's 90 % half width of the nominal sensitivity along each axis, relative; 0 if it states none.
+    """Return the model's 90 % half width of the nominal sensitivity along each axis, relative; NaN if it states none.
 
     The errors of force and reading at the largest force add up as independent ones.
     """
@@ -179,7 +179,7 @@ class AxisSpread:
     ----------
     force_range : from the least to the largest force, N.
     nominal : sensitivity and offset of the nominal sensor, V/N and V, or T/N and T for a chip, and force errors of 0.
-    model_error : half width of the model's 90 % interval of the nominal sensitivity, relative; 0 if it states none.
+    model_error : half width of the model's 90 % interval of the nominal sensitivity, relative; NaN if it states none.
     made : the same quantities of the made sensors, shape (n,), force errors in N; NaN where a sensor has failed.
     refusals : why a sensor has failed, "" where it has not.
     message : why the axis cannot be calibrated at all, "" if it can.

@@ -189,12 +189,14 @@ def sobol(request: Request) -> Found:
     rows, doubtful = [], []
     for name, (values, half_width) in outputs.items():
         # what is rounding only is no share
-        table = global_sensitivity.indices(ranges, values, half_width, seed, lengths).round(9) + 0.0
-        known = np.isfinite(values)
+        known, stated = np.isfinite(values), np.isfinite(half_width).any()
+        table = (
+            global_sensitivity.indices(ranges, values, half_width if stated else None, seed, lengths).round(9) + 0.0
+        )
         mean, deviation = (float(values[known].mean()), float(values[known].std())) if known.any() else (None, None)
         # how much of the variation is error
-        error = float(np.median(half_width[known])) / deviation if deviation else 0.0
-        doubtful += [titled(name)] if error > 1 else []
+        error = float(np.median(half_width[known])) / deviation if deviation and stated else None
+        doubtful += [titled(name)] if error is not None and error > 1 else []
         last: FlatRow = {"mean": mean, "standard_deviation": deviation, "model_error_over_deviation": error}
         last |= {"model": request.model}
         rows += _rows("sobol", ranges, name, table, values, last)
