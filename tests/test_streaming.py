@@ -2,6 +2,7 @@
 
 import contextlib
 import csv
+import functools
 import importlib
 import itertools
 import json
@@ -9,6 +10,7 @@ import math
 import os
 import random
 import re
+import resource
 import signal
 import struct
 import subprocess
@@ -183,7 +185,7 @@ def test_serial_port_is_decoded_until_it_closes(capsys, tmp_path):
     for k in range(60):
         # along the chip's own axes: x of the sensor is its y, y of the sensor its -x
         os.write(ours, struct.pack("<8f", 20, 1, 2, 3, 20, -y[k], x[k], z[k]) + b"\r\n")
-    wait_for(lambda: any(tmp_path.glob(".writing-*/part.csv")) and lines_of(tmp_path) >= 60)
+    wait_for(lambda: lines_of(tmp_path / "rows.csv.part") >= 60)
     os.close(port)
     os.close(ours)
     thread.join(20)
@@ -202,8 +204,8 @@ def is_open(name):
     return found > 1
 
 
-def lines_of(folder):
-    return sum(len(path.read_text().splitlines()) - 1 for path in folder.glob(".writing-*/part.csv"))
+def lines_of(file):
+    return len(file.read_text().splitlines()) - 1 if file.exists() else 0
 
 
 def wait_for(condition):
@@ -431,6 +433,99 @@ def test_page_shows_forces_and_takes_a_zero(chromium, tmp_path):
         process.kill()
     assert process.returncode == 0
     assert "rows" in text
+
+
+# A recording is not lost with its process
+
+
+LINE = "2.967,2.876,2.851"
+
+
+def streaming(folder, *options, **more):
+    words = ["stream", "paper", "--level", "finite", "--port", "-", "--out", str(folder / "rows.csv"), *options]
+    return subprocess.Popen(
+        [sys.executable, "-m", "studies.cli", *words],
+        stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **more,
+    )  # fmt: skip
+
+
+def messages_of(file):
+    from mcap.exceptions import McapError
+    from mcap.stream_reader import StreamReader
+
+    found = []
+    with file.open("rb") as stream, contextlib.suppress(McapError):
+        # a file that is not complete ends without its mark
+        found.extend(1 for record in StreamReader(stream).records if type(record).__name__ == "Message")
+    return len(found)
+
+
+def test_a_killed_stream_leaves_its_rows_and_the_next_one_ends_whole_without_its_terminal(tmp_path):
+    parts = tmp_path / "rows.csv.part", tmp_path / "rows.mcap.part", tmp_path / "rows.csv.part1"
+    killed = streaming(tmp_path, "--mcap", str(tmp_path / "rows.mcap"))
+    killed.stdin.write(f"{LINE}\n" * 200)
+    killed.stdin.flush()
+    wait_for(lambda: lines_of(parts[0]) == 199 and messages_of(parts[1]) > 500)
+    killed.kill()
+    killed.communicate()
+    assert messages_of(parts[1]) > 500
+    after = streaming(tmp_path)
+    after.stdin.write(f"{LINE}\n" * 9)
+    after.stdin.flush()
+    wait_for(lambda: lines_of(parts[2]) == 8)
+    after.send_signal(signal.SIGHUP)
+    _, err = after.communicate(timeout=20)
+    assert after.returncode == 0
+    assert "rows.csv.part, what a stream that was killed has left, stays" in err.replace("\n", " ")
+    assert [lines_of(parts[0]), lines_of(tmp_path / "rows.csv"), parts[2].exists()] == [199, 8, False]
+
+
+def test_a_full_disk_leaves_the_rows_so_far_and_names_them(tmp_path):
+    limit = functools.partial(resource.setrlimit, resource.RLIMIT_FSIZE, (4096, 4096))
+    full = streaming(tmp_path, preexec_fn=limit)
+    _, err = full.communicate(f"{LINE}\n" * 100, timeout=60)
+    assert full.returncode == 2, err
+    assert f"the rows so far are in '{tmp_path / 'rows.csv.part'}'" in err.replace("\n", " ")
+    assert "File too large" in err
+    assert lines_of(tmp_path / "rows.csv.part") > 10
+
+
+def test_the_rows_of_a_file_stay_when_their_reader_goes(tmp_path, monkeypatch):
+    """As behind a pipe into `head -1`."""
+    read, write = os.pipe()
+    os.close(read)
+    monkeypatch.setattr(sys, "stdout", os.fdopen(write, "w"))
+    words = [
+        "stream",
+        "paper",
+        "--port",
+        str(RECORDING),
+        "--speed",
+        "0",
+        "--json",
+        "--out",
+        str(tmp_path / "rows.csv"),
+    ]
+    assert commands.run(words) == commands.BROKEN_PIPE
+    assert lines_of(tmp_path / "rows.csv") == 11
+
+
+def test_a_row_without_a_time_is_recorded_without_a_stamp(capsys, tmp_path):
+    from rosbags.highlevel import AnyReader
+    from rosbags.typesys import Stores, get_typestore
+
+    stamps = [*range(0, 80, 10), "nan", *range(90, 120, 10)]
+    (tmp_path / "capture").write_text("".join(f"{stamp},{LINE}\n" for stamp in stamps))
+    file = tmp_path / "rows.mcap"
+    options = ("--port", tmp_path / "capture", "--clock", "ms", "--speed", 0, "--level", "finite", "--mcap", file)
+    assert streamed(capsys, *options)[0] == 0
+    with AnyReader([file], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
+        (connection,) = (each for each in reader.connections if each.topic == "wrench")
+        heads = [
+            reader.deserialize(raw, connection.msgtype).header
+            for _, _, raw in reader.messages(connections=[connection])
+        ]
+    assert [head.stamp.sec == 0 for head in heads] == [k == 7 for k in range(11)]
 
 
 @pytest.fixture

@@ -99,7 +99,7 @@ def _folder_made(path: str | Path) -> Iterator[Path]:
 @contextlib.contextmanager
 def staged(folder: Path) -> Iterator[Path]:
     """Yield a temporary folder inside `folder`; without an error its files move into `folder`."""
-    with _temporary(folder) as temporary, _with_file_name(folder):
+    with _temporary(folder) as temporary, with_file_name(folder):
         yield Path(temporary)
         files = {file.name: file for file in sorted(Path(temporary).iterdir()) if file.name != own_files.LIST}
         own_files.note(folder, files)
@@ -166,7 +166,7 @@ def atomic(path: str | Path, *, listed: bool = True) -> Iterator[Path]:
     file.parent.mkdir(parents=True, exist_ok=True)
     with _temporary(file.parent) as folder:
         temporary = Path(folder, f"part{file.suffix}")
-        with _with_file_name(file):
+        with with_file_name(file):
             yield temporary
             if listed:
                 own_files.note(file.parent, {file.name: temporary})
@@ -197,7 +197,7 @@ def _delete_left_folders(folder: Path) -> None:
 
 
 @contextlib.contextmanager
-def _with_file_name(path: Path) -> Iterator[None]:
+def with_file_name(path: Path) -> Iterator[None]:
     """Add the file's name to an OSError that has none, such as that of a full disk."""
     try:
         yield

@@ -20,6 +20,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass
 from pathlib import Path
+from types import FrameType
 from typing import TYPE_CHECKING, Any, TextIO
 
 import numpy as np
@@ -34,7 +35,7 @@ from geometry.design import BadInput, Design
 from studies.inputs.option_groups import Decoding, Streaming
 from studies.inputs.table_input import UNITS
 from studies.inputs.user_input import parse_numbers
-from studies.output import atomic_files, text_tables
+from studies.output import atomic_files, console, text_tables
 from studies.output.result import Result
 from studies.sensing import decode_readings
 from studies.sensitivity.decode_tolerances import AtRest
@@ -386,10 +387,6 @@ def _check_fit(options: Streaming) -> None:
         raise BadInput(f"--rate must be a number of Hz above 0; got {options.rate:g}")
 
 
-class NothingDecoded(Exception):
-    """A stream has ended without a row: no file of heads alone is left."""
-
-
 @dataclass(frozen=True, slots=True)
 class Outputs:
     """Where rows go: a CSV file, an MCAP file with its frame, and standard output as JSON or one changing line."""
@@ -401,20 +398,19 @@ class Outputs:
 
     @contextlib.contextmanager
     def sinks(self, live: Live) -> Iterator[list[Sink]]:
-        """Yield the sinks; their files appear under their names at the end."""
+        """Yield the sinks, those of files first; the files grow, and appear under their names at the end."""
         with contextlib.ExitStack() as stack:
-            found: list[Sink] = [json_lines if self.as_json else screen()]
+            found: list[Sink] = []
             if self.csv is not None:
-                temporary = stack.enter_context(atomic_files.atomic(self.csv))
-                file = stack.enter_context(temporary.open("w", encoding="utf-8", newline=""))
+                part = stack.enter_context(recording.growing(self.csv))
+                file = stack.enter_context(part.open("w", encoding="utf-8", newline=""))
                 found.append(csv_rows(file, live.columns))
             if self.mcap is not None:
-                found.append(stack.enter_context(recording.mcap_file(self.mcap, live.design, self.frame_id)))
-            yield found
+                part = stack.enter_context(recording.growing(self.mcap))
+                found.append(stack.enter_context(recording.mcap_file(part, live.design, self.frame_id)))
+            yield [*found, json_lines if self.as_json else screen()]
             if not live.counts:
-                raise NothingDecoded
-            if not self.as_json:
-                print()
+                raise recording.NothingDecoded
 
 
 def run(
@@ -424,31 +420,53 @@ def run(
 
     more : further sinks.
     """
-    with contextlib.suppress(NothingDecoded), outputs.sinks(live) as sinks, _ended_by_signals():
-        for arrived in source.rows():
-            heard = time.monotonic()
-            rows = live.rows(arrived)
-            for sink in (*sinks, *more):
-                sink(rows)
-            if rows:
-                live.late.append(time.monotonic() - heard)
-            if ended is not None and ended.is_set():
-                break
+    ended, lost = ended or threading.Event(), None
+    with contextlib.suppress(recording.NothingDecoded), outputs.sinks(live) as sinks, _ended_by_signals(ended):
+        try:
+            for arrived in source.rows():
+                heard = time.monotonic()
+                rows = live.rows(arrived)
+                for sink in (*sinks, *more):
+                    sink(rows)
+                if rows:
+                    live.late.append(time.monotonic() - heard)
+                if ended.is_set():
+                    break
+        except console.OutputLost as error:  # who read the rows has gone: the files stay
+            lost = error
+    if lost is not None:
+        raise lost
+    if live.counts and not outputs.as_json:
+        print()
     return summary(live, source)
 
 
 @contextlib.contextmanager
-def _ended_by_signals() -> Iterator[None]:
-    """End the block at Ctrl-C, or when the process is asked to end, so that the files are complete."""
+def _ended_by_signals(ended: threading.Event) -> Iterator[None]:
+    """Set an event at Ctrl-C, or when the process is asked to end or loses its terminal, so that files are complete.
+
+    A second Ctrl-C ends the block at once.
+    """
     main = threading.current_thread() is threading.main_thread()
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler) if main else None
+    wanted = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if main and hasattr(signal, name)]
+    # a process that is to outlive its terminal ignores this
+    before = {number: signal.getsignal(number) for number in wanted}
+    before = {number: handler for number, handler in before.items() if handler is not signal.SIG_IGN}
+
+    def end(number: int, frame: FrameType | None) -> None:
+        if ended.is_set():
+            signal.default_int_handler(number, frame)
+        ended.set()
+
+    for number in before:
+        signal.signal(number, end)
     try:
         yield
     except KeyboardInterrupt:
         pass
     finally:
-        if main:
-            signal.signal(signal.SIGTERM, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def record(design: Design, decoding: Decoding, path: Path) -> None:
@@ -472,7 +490,7 @@ def record(design: Design, decoding: Decoding, path: Path) -> None:
         calibration=decoding.calibration,
     )
     live, source = Live(design, options), source_of(design, options)
-    with recording.mcap_file(path, design, recording.FRAME) as write:
+    with atomic_files.atomic(path) as part, recording.mcap_file(part, design, recording.FRAME) as write:
         for arrived in source.rows():
             write(live.rows(arrived))
 

@@ -8,7 +8,9 @@ on a topic of its own, NaN along axes that it does not measure; a covariance of 
 from __future__ import annotations
 
 import contextlib
+import itertools
 import math
+import os
 import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -17,9 +19,11 @@ from typing import Any
 from analytic import parts
 from analytic.decode import field_of
 from geometry.design import BadInput, Design
-from studies.output import atomic_files
+from studies.output import atomic_files, console, own_files
 from studies.streaming.sources import Decoded, Sink
 
+CHUNK = 16_384
+"""Bytes that an MCAP file gathers before it writes them: what a killed process loses."""
 FRAME = "magtip_tip"
 """Frame of the messages where none is given."""
 HEADER = """std_msgs/Header header
@@ -57,9 +61,37 @@ TYPES = {
 """Definitions of the messages, as ROS 2 states them."""
 
 
+class NothingDecoded(Exception):
+    """A stream has ended without a row: no file of heads alone is left."""
+
+
+@contextlib.contextmanager
+def growing(path: Path) -> Iterator[Path]:
+    """Yield a path beside another one, NAME.part, whose file gets its name at the end; after an error it stays.
+
+    What is recorded cannot be had again: also a process that is killed leaves its part, and the next one another.
+    """
+    names = (path.with_name(f"{path.name}.part{k or ''}") for k in itertools.count())
+    part = next(name for name in names if not os.path.lexists(name))
+    if part.suffix != ".part":
+        console.warn(f"{path.name}.part, what a stream that was killed has left, stays")
+    try:
+        with atomic_files.with_file_name(path):
+            yield part
+            own_files.note(path.parent, {path.name: part})
+            os.replace(part, path)
+    except NothingDecoded:
+        part.unlink(missing_ok=True)
+        raise
+    except BaseException:
+        if part.exists():
+            console.warn(f"the rows so far are in {str(part)!r}")
+        raise
+
+
 @contextlib.contextmanager
 def mcap_file(path: Path, design: Design, frame_id: str) -> Iterator[Sink]:
-    """Yield a sink that writes an MCAP file, which appears under its name when the stream ends.
+    """Yield a sink that writes an MCAP file.
 
     Topics: wrench, magnetic_field/NAME for each chip or element, and status (std_msgs/String) when it changes.
 
@@ -73,7 +105,7 @@ def mcap_file(path: Path, design: Design, frame_id: str) -> Iterator[Sink]:
     except ImportError:
         raise BadInput("--mcap needs two packages: pip install 'magtip[record]'") from None
     messages = Messages(design, frame_id)
-    with atomic_files.atomic(path) as temporary, temporary.open("wb") as file, Writer(file) as writer:
+    with path.open("wb") as file, Writer(file, chunk_size=CHUNK) as writer:
         schemas = {name: writer.register_msgdef(name, text) for name, text in TYPES.items()}
 
         def write(rows: Sequence[Decoded]) -> None:
@@ -81,6 +113,7 @@ def mcap_file(path: Path, design: Design, frame_id: str) -> Iterator[Sink]:
                 now = messages.moment(row)
                 for topic, kind, fields in messages.of_row(row):
                     writer.write_message(topic, schemas[kind], fields, log_time=now, publish_time=now)
+            file.flush()
 
         yield write
 
