@@ -12,7 +12,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from analytic import parts
-from analytic.time_series import RelaxingForce
+from analytic.time_series import RelaxingForce, zero_offset
 from geometry.design import Design, paper
 from studies.calibration import (
     bench_file,
@@ -228,7 +228,7 @@ def test_stream_and_decode_agree_behind_a_frozen_element(calibration):
     shift = np.stack([0 * times, 0 * times, -0.3 + 0.2 * np.sin(times)])
     series = decoder_export.outputs_at(calibrated_forces.coder_of(found), shift) + 3e-4 * rng.normal(size=(80, 3))
     series[30:55, 1] = series[30, 1]
-    rows = list(live_stream.Calibrated(found, 0.0).rows(times.tolist(), series))
+    rows = list(live_stream.Calibrated(found, 0.0, warm=False).rows(times.tolist(), series, np.full(80, np.nan)))
     decoded = calibration_file.decoded_rows(found, series, times, np.zeros(80))
     assert [row[0] for row in rows] == [row["status"] for row in decoded]
     assert "frozen" in {row["status"] for row in decoded}
@@ -396,11 +396,149 @@ def test_swapped_elements_are_told(bench, run, tmp_path):
     assert "do not use this calibration; probably S2 is exchanged with S3, or Fx_N is exchanged with Fy_N" in err
 
 
-def test_a_missing_temperature_is_that_of_the_rows_beside_it(calibration):
-    warmer, said = calibration_file.warmer_of(calibration[0], np.array([20.0, np.nan, 40.0, np.nan]))
+# Temperature
+
+
+@pytest.fixture(scope="module")
+def thermal(calibration, tmp_path_factory):
+    """The same sensor, of a bench with temperatures, and its calibration.json."""
+    found, _ = calibration
+    names = tuple(sensor_fit.WARMING)
+    mean, wide = np.array(list(sensor_fit.WARMING.values())).T
+    un = found.sensor.unknowns
+    un = sensor_fit.Unknowns(
+        (*un.names, *names), (*un.units, "1/K", "1/K"), np.append(un.mean, mean), np.append(un.deviation, wide)
+    )
+    covariance = np.zeros((len(un.names), len(un.names)))
+    covariance[:-2, :-2] = found.covariance
+    # remanence and gain move against each other
+    covariance[-2:, -2:] = 1e-8 * np.array([[4.0, -3.9], [-3.9, 4.0]])
+    sensor = dataclasses.replace(found.sensor, unknowns=un)
+    theta = np.append(found.theta, [-1.1e-3, 1e-4])
+    made = dataclasses.replace(found, sensor=sensor, theta=theta, covariance=covariance)
+    path = tmp_path_factory.mktemp("thermal") / "calibration.json"
+    path.write_text(calibration_file.as_text(made, "surrogate", None), "utf-8")
+    return made, path
+
+
+def pressed(found, celsius):
+    """Readings, V, and the true force, N, of one press at temperatures (n,), C."""
+    at = np.repeat([[0.1, 0.05, -0.9]], len(celsius), axis=0)
+    rows = found.sensor.predict(found.theta, at, np.array(celsius) - found.sensor.temperature_C)
+    return rows[:, :3], rows[0, 3:6]
+
+
+def test_a_missing_temperature_is_that_of_the_rows_beside_it_or_unknown(calibration, thermal):
+    warmer, said = calibration_file.warmer_of(thermal[0], np.array([20.0, np.nan, 40.0, np.nan]))
     assert warmer == pytest.approx([0, 10, 20, 20])
     assert said == ["2 of 4 rows have no temperature: it is interpolated from the rows beside them"]
+    warmer, said = calibration_file.warmer_of(thermal[0], np.full(2, np.nan))
+    assert np.isnan(warmer).all()
+    assert "the temperature of the readings is not known" in said[0]
+    # a bench without temperatures says nothing of them
     assert calibration_file.warmer_of(calibration[0], np.full(2, np.nan))[1] == []
+    warmer, said = calibration_file.warmer_of(calibration[0], np.array([20.0, 45.0]))
+    assert warmer.tolist() == [0, 0]
+    assert "they are not used" in said[0]
+
+
+def test_readings_at_a_temperature_that_is_not_known_have_an_interval_that_holds(thermal, run, strict):
+    """At 45 C the force misses a tenth, fifty times the half width that was stated."""
+    found, path = thermal
+    volts, true = pressed(found, [45.0])
+    words = ("decode", "paper", "--calibration", path, "--readings", ",".join(map(repr, volts[0].tolist())), "--json")
+    status, text, err = run(*words)
+    assert (status, "the temperature of the readings is not known" in err) == (0, True)
+    cold = strict(text)[0]
+    warm = strict(run(*words, "--temperature", 45)[1])[0]
+    assert (cold["temperature_C"], warm["temperature_C"]) == (None, 45)
+    assert warm["force_N"][2] == pytest.approx(true[2], abs=1e-3)
+    off = abs(cold["force_N"][2] - true[2])
+    assert 5 * warm["half_width_N"][2] < off < cold["half_width_N"][2] < 2 * off
+
+
+def test_intervals_hold_from_minus_ten_to_fifty_degrees_also_after_a_zero(thermal):
+    found, celsius = thermal[0], np.linspace(-10, 50, 13)
+    volts, true = pressed(found, celsius)
+    unknown = np.full(len(celsius), np.nan)
+    cold = calibrated_forces.decode(found, volts, unknown)
+    assert (np.abs(cold.force - true) < cold.half_width).all()
+    zeroed = []
+    for T, row in zip(celsius, volts, strict=True):
+        rest = found.sensor.predict(found.theta, np.zeros((1, 3)), np.array([T - found.sensor.temperature_C]))[:, :3]
+        coder = calibrated_forces.coder_of(found, warm=False)
+        offset = zero_offset(coder, calibrated_forces.fields_of(found, rest, unknown[:1]))
+        answer = calibrated_forces.decode(found, row[None], unknown[:1], offset)
+        zeroed.append((np.abs(answer.force - true) / answer.half_width)[0, 2])
+    assert 0.5 < max(zeroed) < 1.05
+
+
+def test_a_stream_takes_the_temperature_of_its_frames_or_of_an_option(thermal, tmp_path):
+    """The frames of a chip carry it, and dropped it."""
+    found, path = thermal
+    volts, true = pressed(found, [45.0])
+    for options, wide in (({"temperature": 45.0}, False), ({}, True)):
+        live = live_stream.Live(paper(), Streaming(port="-", calibration=path, **options))
+        (row,) = live.rows([(0.0, tuple(volts[0].tolist()))])
+        assert (abs(row["force_z_N"] - true[2]) < 1e-3) is not wide
+        assert abs(row["force_z_N"] - true[2]) < row["half_width_z_N"]
+        assert ("the temperature of 1 of 1 rows is not known" in " ".join(live.remarks)) is wide
+    design = Design(hall_layout="tmag5273a1")
+    for frames in ("lines-xyzt", "anyskin"):
+        warmth = live_stream.thermometer(design, Streaming(port="-", frames=frames, frame_chips=2, chips="2"))
+        assert warmth((1, 2, 3, 4, 5, 6, 20, 45)) == 45
+
+
+def test_a_table_with_temperatures_is_streamed_as_it_is_decoded(thermal, run, tmp_path):
+    found, path = thermal
+    celsius = np.linspace(20, 45, 12)
+    table = pd.DataFrame(pressed(found, celsius)[0], columns=["S1_V", "S2_V", "S3_V"])
+    table.assign(time_s=60.0 * np.arange(12), temperature_C=celsius).to_csv(tmp_path / "rows.csv", index=False)
+    words = ("--calibration", path, "--out")
+    assert run("decode", "paper", "--file", tmp_path / "rows.csv", *words, tmp_path / "decoded.csv")[0] == 0
+    options = ("--port", tmp_path / "rows.csv", "--speed", 0)
+    assert run("stream", "paper", *options, *words, tmp_path / "streamed.csv")[0] == 0
+    decoded, streamed = (pd.read_csv(tmp_path / f"{name}.csv") for name in ("decoded", "streamed"))
+    assert streamed.temperature_C.tolist() == celsius.tolist()
+    for name in ("force_z_N", "half_width_z_N"):
+        assert_allclose(streamed[name], decoded[name], rtol=1e-6)
+    assert np.ptp(streamed.force_z_N) < 1e-2
+
+
+@pytest.mark.parametrize(
+    ("calibrated", "words", "sentence"),
+    [
+        ("", ["decode", "--temperature", "20", "--readings", "3,3,3"], "--temperature works with --calibration only"),
+        ("calibration", ["decode", "--temperature", "20", "--readings", "3,3,3"], "whose bench had no temperatures"),
+        ("thermal", ["decode", "--temperature", "318", "--readings", "3,3,3"], "between -60 and 160 C; got 318"),
+        ("thermal", ["stream", "--temperature", "nan", "--port", "-"], "between -60 and 160 C; got nan"),
+        ("", ["stream", "--temperature", "20", "--port", "-"], "--temperature works with --calibration only"),
+    ],
+)  # fmt: skip
+def test_a_temperature_that_has_no_meaning_is_refused(calibrated, words, sentence, request, refusal):
+    more = ("--calibration", request.getfixturevalue(calibrated)[1]) if calibrated else ()
+    assert sentence in refusal(words[0], "paper", *words[1:], *more)
+
+
+@pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed")
+def test_the_decoder_in_c_takes_a_temperature_or_widens_its_interval_as_in_python(thermal, tmp_path):
+    found, path = thermal
+    made = decoder_export.prepare(paper(), None, None, "20k", None, path)
+    firmware_check.write_header(made, tmp_path)
+    program = firmware_check.compiled(tmp_path, "gcc", [*firmware_check.STRICT, "-O0"])
+    celsius, rng = np.repeat([20.0, 45.0, -10.0, np.nan], 50), np.random.default_rng(6)
+    shift = rng.uniform([-0.3, -0.3, -1.0], [0.3, 0.3, -0.2], (200, 3))
+    warmer = celsius - found.sensor.temperature_C
+    volts = found.sensor.predict(found.theta, shift, np.nan_to_num(warmer))[:, :3]
+    expected = calibrated_forces.decode(found, volts, warmer)
+    answer = firmware_check.answers(program, volts, None, celsius)
+    assert (np.array(STATUSES)[answer["status"]] == np.array(expected.status)).all()
+    assert_allclose(answer["force"], expected.force, atol=2e-4 * np.nanmax(expected.force))
+    ratio = answer["half_width"] / expected.half_width
+    # an unknown one is most of the interval along z; what is unsure of the coefficients adds without a root
+    assert 0.9 < ratio[150:, 2].min() < ratio[150:, 2].max() < 1.15
+    assert 0.8 < ratio.min() < ratio.max() < 2
+    assert (answer["half_width"][150:, 2] > 5 * answer["half_width"][:50, 2]).mean() > 0.9
 
 
 def test_remanence_and_gains_move_against_each_other_and_leave_the_force_alone(simulated):

@@ -5,7 +5,8 @@ theta moves the shift s that explains the readings best, so that the decoded for
 
     dF = (dF/dtheta - dF/ds A^-1 J' W dr/dtheta) dtheta,     A = J' W J,   J = dr/ds,
 
-with readings r and their weights W, and by the readings' noise, with the variance dF/ds A^-1 dF/ds'.
+with readings r and their weights W, and by the readings' noise, with the variance dF/ds A^-1 dF/ds'. A temperature T
+that is not known (NaN) is taken for T_0, and moves the force in the same way, by dr/dT times `UNKNOWN`.
 """
 
 from __future__ import annotations
@@ -25,6 +26,9 @@ from analytic.inverse.forward_model import rotation
 from analytic.inverse.response_surface import Mechanics, force_and_load, workspace
 from geometry.arrays import Array
 from studies.calibration.sensor_fit import QUANTILE, Fit, Sensor, condensed, linearised, settle_shifts, slopes_of
+
+UNKNOWN = 20.0
+"""Standard deviation of a temperature that is not known, K: 90 % of sensors in use are within 33 K of T_0."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,10 +51,12 @@ class DecodedForces:
 
 
 @functools.lru_cache(maxsize=4)
-def coder_of(found: Fit) -> Decoder:
+def coder_of(found: Fit, *, warm: bool = True) -> Decoder:
     """Return the decoder of an estimated sensor, with its elements, its magnet and its forces, at T_0.
 
     The ambient field is in the nulls of the elements. A normal force counts as none where its interval says so.
+
+    warm : whether the temperatures of the readings are known.
     """
     sensor, theta = found.sensor, found.theta
     nominal, _ = parts.with_noise(parts.of_design(sensor.design))
@@ -68,6 +74,10 @@ def coder_of(found: Fit) -> Decoder:
     # beyond noise and error of the unknowns, more than three readings contradict each other
     at_rest = np.zeros((1, 3))
     unknown = found.answers(sensor.design.E, at_rest, at_rest[:, :2], at_rest)[1][0] / QUANTILE
+    if not warm:
+        unknown = np.hypot(
+            unknown, UNKNOWN * _by_temperature(sensor, theta, at_rest, np.zeros(1))[0, : len(elements)]
+        )
     gains = np.array([element.gain for element in elements])
     return decoder(
         dataclasses.replace(found.design, **sizes),
@@ -108,6 +118,7 @@ def ambient_of(found: Fit) -> dict[str, float]:
 
 def fields_of(found: Fit, readings: Array, warmer: Array) -> Array:
     """Return the field of the magnet at T_0 that readings (n, k), in the elements' unit, say for dT (n,), in T."""
+    warmer = np.nan_to_num(warmer)
     field = decoding.field_of(coder_of(found).forward.elements, readings)
     ambient = np.array(list(ambient_of(found).values()))
     gain, remanence = (
@@ -121,7 +132,7 @@ def decode(found: Fit, readings: Array, warmer: Array, offset: Array | None = No
 
     offset : (k,) of a zero, T, as `analytic.time_series.zero_offset` returns it.
     """
-    coder = coder_of(found)
+    coder = coder_of(found, warm=bool(np.isfinite(warmer).all()))
     nowhere = np.array([-math.inf, math.inf]) * np.ones((len(coder.sigma), 1))
     coder = dataclasses.replace(coder, goal=coder.goal._replace(rails=nowhere))
     answer = decoding.decode(coder, fields_of(found, readings, warmer) + (0.0 if offset is None else offset))
@@ -137,12 +148,15 @@ def intervals(
     """Return half of the 90 % intervals (n, 3) of forces that readings give at shifts (n, 3).
 
     covariances : (p, p) of the unknowns, one for each answer.
+    warmer : T - T_0 (n,), NaN where the temperature is not known.
     zeroed : whether a zero moved the readings to those of the estimated sensor at rest, whose errors then fall out.
     """
-    slope, noise = _decoding_slopes(found.sensor, found.theta, shift, warmer, zeroed=zeroed)
+    cold = np.isnan(warmer)
+    slope, by_K, noise = _decoding_slopes(found.sensor, found.theta, shift, np.nan_to_num(warmer), zeroed=zeroed)
     free, errors = found.sensor.unknowns.free, found.sensor.mechanics.errors
     # errors of the polynomials at their samples
     known = found.growth * noise + np.square(np.array([errors[1], errors[1], errors[2]]) / 2)
+    known[cold] += np.square(UNKNOWN * by_K[cold])
     return [
         QUANTILE * np.sqrt(np.einsum("nfp,pq,nfq->nf", slope, own[np.ix_(free, free)], slope) + known)
         for own in covariances
@@ -151,21 +165,30 @@ def intervals(
 
 def _decoding_slopes(
     sensor: Sensor, theta: Array, shift: Array, warmer: Array, *, zeroed: bool
-) -> tuple[Array, Array]:
-    """Return, of the force that readings at shifts (n, 3) give: slopes by free unknowns (n, 3, f), and variances
-    (n, 3) by the readings' noise."""
+) -> tuple[Array, Array, Array]:
+    """Return, of the force that readings at shifts (n, 3) give: slopes by free unknowns (n, 3, f) and by the
+    temperature (n, 3), N/K, and variances (n, 3) by the readings' noise."""
     free, count = sensor.unknowns.free, len(sensor.noise)
-    _, by_shift, by_theta = slopes_of(sensor, theta, shift, warmer, free)
+
+    def slopes(at: Array) -> tuple[Array, Array]:
+        _, by_shift, by_theta = slopes_of(sensor, theta, at, warmer, free)
+        return by_shift, np.concatenate([by_theta, _by_temperature(sensor, theta, at, warmer)[..., None]], axis=2)
+
+    by_shift, by_theta = slopes(shift)
     if zeroed:
-        rest = slopes_of(sensor, theta, np.zeros_like(shift), warmer, free)[2]
-        by_theta[:, :count] -= rest[:, :count]
+        by_theta[:, :count] -= slopes(np.zeros_like(shift))[1][:, :count]
     Js, Jt = (each[:, :count] / sensor.noise[:, None] for each in (by_shift, by_theta))
     by_shift, by_theta = (each[:, count : count + 3] for each in (by_shift, by_theta))
     A = np.einsum("nmi,nmj->nij", Js, Js)
     A += 1e-12 * (1 + np.trace(A, axis1=1, axis2=2))[:, None, None] * np.eye(3)
     moves = np.linalg.solve(A, np.einsum("nmi,nmp->nip", Js, Jt))
     slope = by_theta - np.einsum("nfi,nip->nfp", by_shift, moves)
-    return slope, np.einsum("nfi,nij,nfj->nf", by_shift, np.linalg.inv(A), by_shift)
+    return slope[..., :-1], slope[..., -1], np.einsum("nfi,nij,nfj->nf", by_shift, np.linalg.inv(A), by_shift)
+
+
+def _by_temperature(sensor: Sensor, theta: Array, shift: Array, warmer: Array) -> Array:
+    """Return by how much predictions (n, k + 6) at shifts (n, 3) change with each K."""
+    return sensor.predict(theta, shift, warmer + 1) - sensor.predict(theta, shift, warmer)
 
 
 def planned(sensor: Sensor, shift: Array) -> Fit:
@@ -185,7 +208,7 @@ def force_errors(found: Fit, shift: Array, count: int, rng: np.random.Generator)
     Each of `count` sensors has one error of the unknowns for all shifts; noise of the readings is left out.
     """
     sensor, free, warmer = found.sensor, found.sensor.unknowns.free, np.zeros(len(shift))
-    slope, _ = _decoding_slopes(sensor, found.theta, shift, warmer, zeroed=False)
+    slope, _, _ = _decoding_slopes(sensor, found.theta, shift, warmer, zeroed=False)
     covariance = found.covariance[np.ix_(free, free)]
     draws = rng.multivariate_normal(np.zeros(len(free)), covariance, count, method="eigh")
     return np.asarray(np.einsum("nfp,sp->snf", slope, draws))
@@ -204,9 +227,12 @@ def relaxing_half_width(half: Array, slow: Array, force: Array, law_error: Array
     return np.asarray(np.hypot(half * grown[:, None], law_error[:, None]))
 
 
-def zero_doubts(found: Fit, offset: Array) -> list[str]:
-    """Return a sentence if a zero moves the readings (k,), T, farther than what a calibration leaves open at rest."""
-    coder = coder_of(found)
+def zero_doubts(found: Fit, offset: Array, *, warm: bool) -> list[str]:
+    """Return a sentence if a zero moves the readings (k,), T, farther than what a calibration leaves open at rest.
+
+    warm : whether the temperatures of the readings are known.
+    """
+    coder = coder_of(found, warm=warm)
     far = np.abs(offset) > coder.goal.tolerance
     said = [
         f"{element.name} by {1e3 * abs(moved):.2g} mT ({1e3 * most:.2g} mT)"

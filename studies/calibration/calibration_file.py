@@ -27,8 +27,9 @@ from geometry.arrays import Array
 from geometry.design import OF_TIME, BadInput, Design
 from geometry.loads import Load, check_load
 from studies.calibration import bench_file, calibrated_forces
-from studies.calibration.sensor_fit import Fit, Sensor, Unknowns
+from studies.calibration.sensor_fit import QUANTILE, Fit, Sensor, Unknowns
 from studies.inputs.option_groups import Decoding, Pose, Reading
+from studies.inputs.table_input import COLDEST, HOTTEST
 from studies.inputs.user_input import parse_numbers
 from studies.mechanics.loading_cycles import MadeStates
 from studies.output import atomic_files, console
@@ -309,13 +310,42 @@ def decoded_arrays(
     return np.where(full, "saturated", answer.status).tolist(), force, half, shift, load
 
 
+def is_thermal(found: Fit) -> bool:
+    """Return whether the readings of an estimated sensor depend on its temperature: whether its bench had one."""
+    return bool({"remanence_per_K", "gain_per_K"} & {*found.sensor.unknowns.names})
+
+
+def given_temperature(found: Fit, temperature: float | None) -> float:
+    """Return the temperature, C, that an option gives; NaN without one."""
+    if temperature is None:
+        return math.nan
+    if not is_thermal(found):
+        raise BadInput("--temperature has no meaning for a calibration whose bench had no temperatures: leave it out")
+    if not COLDEST < temperature < HOTTEST:
+        raise BadInput(f"--temperature must lie between {COLDEST:g} and {HOTTEST:g} C; got {temperature:g}")
+    return temperature
+
+
+def cold_sentence(found: Fit, what: str) -> str:
+    """Return a sentence on readings whose temperature is not known."""
+    wide = QUANTILE * calibrated_forces.UNKNOWN
+    return (
+        f"the temperature of {what} is not known: it is taken for {found.sensor.temperature_C:g} C, and the "
+        f"intervals hold for {wide:.0f} K more or less; give --temperature, or temperatures with the readings"
+    )
+
+
 def warmer_of(found: Fit, temperature: Array) -> tuple[Array, list[str]]:
-    """Return T - T_0 of rows (n,), in a gap that of the rows beside it, and a sentence if some or all are missing."""
+    """Return T - T_0 of rows (n,), in a gap that of the rows beside it, and a sentence if some or all are missing.
+
+    It is NaN where no row has a temperature, and 0 if the sensor's readings do not depend on it.
+    """
     warmer, known = temperature - found.sensor.temperature_C, np.isfinite(temperature)
+    if not is_thermal(found):
+        unused = "the rows have temperatures, but the bench of the calibration had none: they are not used"
+        return np.zeros(len(warmer)), [unused] * bool(known.any())
     if not known.any():
-        asked = "gain_per_K" in found.sensor.unknowns.names
-        said = f"the rows have no temperature, as the bench had: they are decoded at {found.sensor.temperature_C:g} C"
-        return np.zeros(len(warmer)), [said] * asked
+        return warmer, [cold_sentence(found, "the readings")]
     if known.all():
         return warmer, []
     rows = np.arange(len(warmer))
@@ -328,6 +358,27 @@ def at_rails(design: Design, readings: Array) -> NDArray[np.bool_]:
     elements = parts.of_design(design)
     low, high = (np.array([getattr(element, name) for element in elements]) for name in ("low", "high"))
     return np.asarray((readings <= low) | (readings >= high))
+
+
+def _decode_one(found: Fit, text: str, temperature: float) -> Result:
+    """Decode one set of readings a,b,c at a temperature, C, NaN if it is not known."""
+    names, values = parts.columns(parts.of_design(found.sensor.design)), parse_numbers("--readings", text)
+    if len(values) != len(names):
+        raise BadInput(f"--readings takes {len(names)} numbers, {','.join(names)}; got {len(values)}")
+    warmer, said = warmer_of(found, np.array([temperature]))
+    (row,) = decoded_rows(found, np.array([values]), None, warmer)
+    record = {
+        "status": row["status"],
+        "message": decode_readings.WHY[row["status"]],
+        "level": "calibration",
+        "readings": values,
+    }
+    if is_thermal(found):
+        record["temperature_C"] = temperature
+    for name, unit in (("force", "N"), ("half_width", "N"), ("shift", "mm")):
+        record[f"{name}_{unit}"] = [row[f"{name}_{axis}_{unit}"] for axis in "xyz"]
+    lost = [] if row["status"] == "ok" else [record["message"]]
+    return Result(title="Decoded", records=[record], remarks=said, failures=lost)
 
 
 def decode(design: Design, decoding: Decoding, out: Path | None, *, as_json: bool) -> Result:
@@ -350,28 +401,18 @@ def decode(design: Design, decoding: Decoding, out: Path | None, *, as_json: boo
         if given:
             raise BadInput(f"{option} has no place beside --calibration, which fixes it: leave it out")
     found = of_design(path, design)
-    names = parts.columns(parts.of_design(design))
+    warmth = given_temperature(found, decoding.temperature)
     if decoding.readings is not None:
-        values = parse_numbers("--readings", decoding.readings)
-        if len(values) != len(names):
-            raise BadInput(f"--readings takes {len(names)} numbers, {','.join(names)}; got {len(values)}")
-        (row,) = decoded_rows(found, np.array([values]), None, np.zeros(1))
-        record = {
-            "status": row["status"],
-            "message": decode_readings.WHY[row["status"]],
-            "level": "calibration",
-            "readings": values,
-        }
-        for name, unit in (("force", "N"), ("half_width", "N"), ("shift", "mm")):
-            record[f"{name}_{unit}"] = [row[f"{name}_{axis}_{unit}"] for axis in "xyz"]
-        return Result(
-            title="Decoded", records=[record], failures=[] if row["status"] == "ok" else [record["message"]]
-        )
+        return _decode_one(found, decoding.readings, warmth)
     assert decoding.file is not None
     target = None if out is None else atomic_files.check_output_file(out, ".csv")
     raw, numbers, times, temperature = bench_file.read_readings(decoding.file, design)
     if added := [name for name in raw.columns if name in (*DECODED, *decode_readings.TIME_COLUMNS)]:
         raise BadInput(f"{decoding.file} has a column {added[0]} already, which decoding adds: rename or delete it")
+    if not math.isnan(warmth):
+        if np.isfinite(temperature).any():
+            raise BadInput(f"{decoding.file} has temperatures: leave --temperature out")
+        temperature = np.full(len(numbers), warmth)
     warmer, said = warmer_of(found, temperature)
     offset = None
     if decoding.zero is not None:
@@ -379,7 +420,7 @@ def decode(design: Design, decoding: Decoding, out: Path | None, *, as_json: boo
         at_rest = decode_readings.rows_at_rest(decoding, numbers, times, full)
         rest = calibrated_forces.fields_of(found, np.where(full, np.nan, numbers)[at_rest], warmer[at_rest])
         offset = zero_offset(calibrated_forces.coder_of(found), rest)
-        said += calibrated_forces.zero_doubts(found, offset)
+        said += calibrated_forces.zero_doubts(found, offset, warm=bool(np.isfinite(warmer).all()))
     decoded = decoded_rows(found, numbers, times, warmer, offset)
     rows = [{**texts, **row} for texts, row in zip(raw.fillna("").to_dict("records"), decoded, strict=True)]
     table = table_of(rows).to_csv(index=False)

@@ -162,6 +162,8 @@ def decode(
         raise BadInput("give the readings either as --readings a,b,c or as --file FILE.csv")
     if readings is not None and (call.out is not None or decoding.zero is not None):
         raise BadInput(f"{'--zero' if call.out is None else '--out'} works with --file only: leave it out")
+    if decoding.temperature is not None and decoding.calibration is None:
+        raise BadInput("--temperature works with --calibration only: leave it out")
     atomic_files.check_apart([call.out, mcap], [call.source, file, decoding.responses, decoding.calibration])
     design = call.design()
     if mcap is not None:

@@ -32,6 +32,7 @@ from geometry.design_digest import digest
 from geometry.messages import Progress
 from studies.firmware import decoder_tables
 from studies.firmware.decoder_tables import Tables
+from studies.inputs.table_input import COLDEST, HOTTEST
 from studies.inputs.user_input import design_text
 from studies.output import page_templates
 from studies.output.atomic_files import write_text
@@ -42,6 +43,7 @@ from studies.sensitivity.made_sensors import Tolerances, tolerances
 
 if TYPE_CHECKING:
     from analytic.decode import Status
+    from studies.calibration.sensor_fit import Fit
 
 STATUSES: tuple[Status, ...] = (
     *("ok", "ambiguous", "out_of_workspace", "saturated", "not_finite"),
@@ -55,9 +57,9 @@ SIZES = (
     *(((6, 6, 4), 16), ((6, 6, 4), 12), ((6, 6, 4), 10), ((5, 5, 3), 12), ((5, 5, 3), 10)),
 )
 """Cells of the grid of starts, and coefficients of the field along r and z; the first that fit are taken."""
-CODE, CALIBRATED_CODE = 10_300, 450
+CODE, CALIBRATED_CODE, WARM_CODE = 10_300, 450, 900
 """Bytes beside the tables of a program for a Cortex-M4F with -Os, functions of math.h included (results/firmware);
-those of a calibration's intervals."""
+those of a calibration's intervals, and of its temperature."""
 MOST_FLASH = 1_000_000
 WORST = 0.5
 """Largest error of the force by the tables, % of full scale, with which a header is written."""
@@ -104,7 +106,12 @@ class Firmware:
 
     @property
     def code(self) -> int:
-        return CODE + (CALIBRATED_CODE if self.made is None else 0)
+        return code_of(calibrated=self.made is None, warm=self.is_warm)
+
+    @property
+    def is_warm(self) -> bool:
+        """Whether the decoder takes a temperature."""
+        return "warming" in self.tables.floats
 
     @property
     def flash(self) -> int:
@@ -115,7 +122,13 @@ class Firmware:
         """Bytes of `magtip_sensor`."""
         recent = time_series.RECENT
         count = len(self.tables.floats["rest"])
-        return 4 * (3 + 4 * count + recent * (count + 1) + 2 + 3 * len(self.tables.floats["branches"]) + 6)
+        return 4 * (
+            3 + 4 * count + recent * (count + 1) + 2 + 3 * len(self.tables.floats["branches"]) + 6 + self.is_warm
+        )
+
+
+def code_of(*, calibrated: bool, warm: bool) -> int:
+    return CODE + calibrated * CALIBRATED_CODE + warm * WARM_CODE
 
 
 def bytes_of(text: str) -> int:
@@ -148,11 +161,11 @@ def prepare(
     """
     room = bytes_of(flash)
     if calibration is not None:
-        coder, unsure = calibrated(design, calibration)
+        coder, unsure, warming = calibrated(design, calibration)
         source, sizes, rest = "a calibration of this sensor", None, (np.zeros((len(coder.sigma),) * 2), 0.0)
     else:
         law = decode_readings.mechanics_of(design, level or (None if responses else LEVEL), responses)
-        coder, unsure = decoder(design, law), None
+        coder, unsure, warming = decoder(design, law), None, {}
         name = decode_readings.level_name(level, responses, LEVEL)
         source = "solved states" if responses else f"formulas of level {name}"
         sizes = tolerances() if made is None else made
@@ -160,7 +173,7 @@ def prepare(
         # the share of made sensors beyond a row below this is at least DOUBTFUL
         limit = float(at_rest.of_made[-math.ceil(decode_tolerances.DOUBTFUL * len(at_rest.of_made))])
         rest = at_rest.inverse, limit
-    tables = _fitting(coder, room, flash, unsure)
+    tables = _fitting(coder, room, flash, unsure, warming)
     errors = decoder_tables.errors_of(coder, tables)
     share = 100 * errors[1] / errors[2]
     if not share <= WORST:
@@ -171,15 +184,18 @@ def prepare(
     return Firmware(coder, design, source, sizes, rest, tables, errors)
 
 
-def calibrated(design: Design, path: Path) -> tuple[Decoder, Callable[[Array], Array]]:
-    """Return the decoder of a calibration, and what this leaves unsure of the force (n, 3), N, at shifts (n, 3).
+def calibrated(design: Design, path: Path) -> tuple[Decoder, Callable[[Array], Array], dict[str, Array]]:
+    """Return the decoder of a calibration, what this leaves unsure of the force (n, 3), N, at shifts (n, 3), and the
+    constants of its temperature, if its bench had one.
 
-    It is half of a 90 % interval, with or without a zero, beside noise and fit of the mechanics.
+    What is unsure is half of a 90 % interval at T_0, with or without a zero, beside noise and fit of the mechanics.
     """
     from studies.calibration import calibrated_forces, calibration_file
 
     found = calibration_file.of_design(path, design)
-    coder = calibrated_forces.coder_of(found)
+    thermal = calibration_file.is_thermal(found)
+    # the temperature may not be known
+    coder = calibrated_forces.coder_of(found, warm=not thermal)
 
     def unsure(shift: Array) -> Array:
         at = np.zeros(len(shift))
@@ -190,7 +206,7 @@ def calibrated(design: Design, path: Path) -> tuple[Decoder, Callable[[Array], A
         known = half_widths(coder, coder.sigma, shift)
         return np.asarray(np.sqrt(np.maximum(np.square(wide).max(axis=0) - np.square(known), 1e-12)))
 
-    return coder, unsure
+    return coder, unsure, _warming(found) if thermal else {}
 
 
 def half_widths(coder: Decoder, sigma: Array, shift: Array) -> Array:
@@ -206,11 +222,34 @@ def half_widths(coder: Decoder, sigma: Array, shift: Array) -> Array:
     return np.asarray(QUANTILE * np.sqrt(np.square(noise).sum(axis=2) + fit**2))
 
 
-def _fitting(coder: Decoder, room: int, flash: str, unsure: Callable[[Array], Array] | None) -> Tables:
+def _warming(found: Fit) -> dict[str, Array]:
+    """Return the constants of an estimated sensor's temperature: its two coefficients, 1/K, T_0, half of the 90 %
+    intervals of a temperature that is not known, K, and of the coefficients' sum, 1/K; the ambient field, T.
+
+    A share of the field has an error of the coefficients times T - T_0, which adds to all others here: more than its
+    root of a sum of squares, whatever the correlation.
+    """
+    from studies.calibration import calibrated_forces
+
+    sensor, names = found.sensor, ("remanence_per_K", "gain_per_K")
+    at = [sensor.unknowns.names.index(name) for name in names]
+    of_sum = math.sqrt(max(float(found.covariance[np.ix_(at, at)].sum()), 0.0))
+    wide = QUANTILE * calibrated_forces.UNKNOWN
+    values = [*found.theta[at].tolist(), sensor.temperature_C, wide, QUANTILE * of_sum]
+    return {"warming": np.array(values), "ambient": np.array(list(calibrated_forces.ambient_of(found).values()))}
+
+
+def _fitting(
+    coder: Decoder,
+    room: int,
+    flash: str,
+    unsure: Callable[[Array], Array] | None,
+    warming: Mapping[str, Array],
+) -> Tables:
     doubt = decode_readings.TENTH if coder.forward.design.prony else decode_readings.HALF
-    code = CODE + (CALIBRATED_CODE if unsure else 0)
+    code = code_of(calibrated=unsure is not None, warm=bool(warming))
     for cells, knots in SIZES:
-        tables = decoder_tables.tables_of(coder, cells, (knots, knots), doubt, unsure)
+        tables = decoder_tables.tables_of(coder, cells, (knots, knots), doubt, unsure, warming)
         if tables.size + code <= room:
             return tables
     raise BadInput(
@@ -327,6 +366,8 @@ def header(firmware: Firmware, command: str) -> str:
         "jump": time_series.JUMP,
         "late": time_series.LATE,
         "chi": limit,
+        "coldest": COLDEST,
+        "hottest": HOTTEST,
     }
     counts = {
         "branches": len(floats["branches"]),
@@ -341,6 +382,7 @@ def header(firmware: Firmware, command: str) -> str:
         "twins": len(coder.table.corners) > 0 and len(elements) == 3,
         "elements": len(elements),
         "calibrated": "unsure" in tables.integers,
+        "thermal": firmware.is_warm,
         "starts": STARTS,
         "evaluations": EVALUATIONS,
     }
@@ -353,6 +395,7 @@ def header(firmware: Firmware, command: str) -> str:
         n=counts,
         design=design_text(design).splitlines(),
         noise=with_noise(elements)[1],
+        unknown_K=f"{floats['warming'][3]:.0f}" if firmware.is_warm else "",
     )
 
 
@@ -372,6 +415,7 @@ def _told(firmware: Firmware, command: str) -> dict[str, Any]:
         "unit": elements[0].unit,
         "source": firmware.source,
         "calibrated": firmware.made is None,
+        "thermal": firmware.is_warm,
         "statuses": STATUSES,
         "rails": (elements[0].low, elements[0].high),
         "average": elements[0].average,
@@ -462,5 +506,12 @@ def run(
         f"the tables add {force:.1g} N to the error of the mechanics ({firmware.source}), which the decoder's "
         f"polynomials miss by up to {record['fit_error_N']:.2g} N{off}"
     )
+    remarks = [remark]
+    if firmware.is_warm:
+        wide = float(firmware.tables.floats["warming"][3])
+        remarks.append(
+            "give the decoder the temperature by magtip_set_temperature: without it the intervals hold for "
+            f"{wide:.0f} K more or less"
+        )
     shown = [Table(title="Firmware", rows=[record])]
-    return Result(title="Firmware", records=[record], shown=shown, remarks=[remark], files={**files, **more})
+    return Result(title="Firmware", records=[record], shown=shown, remarks=remarks, files={**files, **more})

@@ -9,7 +9,7 @@ corners.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -63,6 +63,7 @@ def tables_of(
     knots: tuple[int, int],
     doubt: float,
     unsure: Callable[[Array], Array] | None = None,
+    warming: Mapping[str, Array] = {},
 ) -> Tables:
     """Return the tables of a decoder with mechanics.
 
@@ -72,6 +73,7 @@ def tables_of(
     knots : number of coefficients of the field along r and z.
     doubt : share by which the branches may be off.
     unsure : half widths of the force (n, 3), N, at shifts (n, 3), by a calibration.
+    warming : constants of its temperature, if its bench had one.
 
     Raises
     ------
@@ -81,7 +83,7 @@ def tables_of(
     field, table = _field_tables(coder, knots)
     grids, integers = _start_tables(coder, cells)
     integers |= _places(coder) | {"table": table}
-    floats = {**field, **grids, **_mechanics(coder), **_relaxation(coder, doubt)}
+    floats = {**field, **grids, **_mechanics(coder), **_relaxation(coder, doubt), **warming}
     if unsure is not None:
         nodes = np.indices([n + 1 for n in cells]).reshape(3, -1).T
         # roots need few bits over a wide range

@@ -58,6 +58,10 @@ Mode = Annotated[
     Literal["component", "magnitude"],
     Parameter(help="Reading of an element: component B.n, or magnitude |B| as in the paper."),
 ]
+TEMPERATURE = Parameter(
+    help="Temperature of the readings, C, for a --calibration whose bench had temperatures; default: that beside the "
+    "readings, or unknown, which widens the intervals."
+)
 CALIBRATION = Parameter(
     help="calibration.json of `magtip calibrate`: take the made sensor that it describes, with 90 % intervals."
 )
@@ -258,6 +262,7 @@ class Decoding:
     """NAME=VALUE: largest deviation of a built sensor, as in `sensitivity`, such as hall_gain=1 (percent). A force
     that these tolerances may cause at rest has the status uncalibrated."""
     calibration: Annotated[Path | None, CALIBRATION] = None
+    temperature: Annotated[float | None, TEMPERATURE] = None
 
 
 @_options
@@ -321,6 +326,7 @@ class Streaming:
     level: Annotated[str | None, FORMULAS] = None
     responses: Annotated[Path | None, RESPONSES] = None
     calibration: Annotated[Path | None, CALIBRATION] = None
+    temperature: Annotated[float | None, TEMPERATURE] = None
 
 
 @_options

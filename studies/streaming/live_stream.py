@@ -62,9 +62,10 @@ HALF = ("half_width_x_N", "half_width_y_N", "half_width_z_N")
 
 
 class Nominal:
-    """Decodes rows by a design and a level of the formulas, or states."""
+    """Decodes rows by a design and a level of the formulas, or states; temperatures count in a calibration only."""
 
     columns = FOUND
+    thermal = False
     said: Sequence[str] = ()
 
     def __init__(self, design: Design, options: Streaming, jitter: float) -> None:
@@ -72,13 +73,13 @@ class Nominal:
         self.stream = Stream(decode_readings.prepare(design, decoding), jitter)
         self._at_rest = AtRest(self.stream.coder)
 
-    def zero(self, readings: Array) -> None:
+    def zero(self, readings: Array, temperatures: Array) -> None:
         self.stream.zero(self._fields(readings))
 
     def _fields(self, readings: Array) -> Array:
         return field_of(self.stream.coder.forward.elements, readings)
 
-    def rows(self, times: Sequence[float], readings: Array) -> Iterator[tuple[Any, ...]]:
+    def rows(self, times: Sequence[float], readings: Array, temperatures: Array) -> Iterator[tuple[Any, ...]]:
         fields = self._fields(readings)
         shares = self._at_rest.probability(fields + self.stream.offset).tolist()
         for moment, field, share in zip(times, fields.tolist(), shares, strict=True):
@@ -87,17 +88,32 @@ class Nominal:
 
 
 class Calibrated:
-    """Decodes rows by a calibration, with the interval of each force."""
+    """Decodes rows by a calibration, with the interval of each force.
+
+    warm : whether the rows have temperatures.
+    """
 
     columns = (*FOUND, *HALF)
-    said: Sequence[str] = ()
 
-    def __init__(self, found: Fit, jitter: float) -> None:
-        from studies.calibration import calibrated_forces
+    def __init__(self, found: Fit, jitter: float, *, warm: bool) -> None:
+        from studies.calibration import calibrated_forces, calibration_file
 
-        self._fit, self._mechanics = found, calibrated_forces
-        self.stream = Stream(calibrated_forces.coder_of(found), jitter)
+        self._fit, self._mechanics, self._file = found, calibrated_forces, calibration_file
+        self.thermal = calibration_file.is_thermal(found)
+        self._warm = warm or not self.thermal
+        self.stream = Stream(calibrated_forces.coder_of(found, warm=self._warm), jitter)
+        self._zeroed: Sequence[str] = ()
+        self._count = self._cold = self._unused = 0
         self._rest()
+
+    @property
+    def said(self) -> list[str]:
+        said = list(self._zeroed)
+        if self._cold:
+            said.append(self._file.cold_sentence(self._fit, f"{self._cold} of {self._count} rows"))
+        if self._unused:
+            said.append("the rows have temperatures, but the bench of the calibration had none: they are not used")
+        return said
 
     def _rest(self) -> None:
         """Begin with a silicone that has relaxed."""
@@ -105,16 +121,21 @@ class Calibrated:
         self._doubted = [RelaxingForce(design, each) for each in decode_readings.doubted_branches(design)]
         self._growth = decode_readings.most_growth(design)
 
-    def _fields(self, readings: Array) -> Array:
-        return self._mechanics.fields_of(self._fit, readings, np.zeros(len(readings)))
+    def _warmer(self, temperatures: Array) -> Array:
+        """Return T - T_0 of rows (n,), NaN where it is not known; 0 where it does not matter."""
+        return temperatures - self._fit.sensor.temperature_C if self.thermal else np.zeros(len(temperatures))
 
-    def zero(self, readings: Array) -> None:
+    def zero(self, readings: Array, temperatures: Array) -> None:
         self._rest()
-        self.stream.zero(self._fields(readings))
-        self.said = self._mechanics.zero_doubts(self._fit, self.stream.offset)
+        self.stream.zero(self._mechanics.fields_of(self._fit, readings, self._warmer(temperatures)))
+        self._zeroed = self._mechanics.zero_doubts(self._fit, self.stream.offset, warm=self._warm)
 
-    def rows(self, times: Sequence[float], readings: Array) -> Iterator[tuple[Any, ...]]:
-        fields = self._fields(readings).tolist()
+    def rows(self, times: Sequence[float], readings: Array, temperatures: Array) -> Iterator[tuple[Any, ...]]:
+        warmer = self._warmer(temperatures)
+        self._count += len(warmer)
+        self._cold += int(np.isnan(warmer).sum())
+        self._unused += 0 if self.thermal else int(np.isfinite(temperatures).sum())
+        fields = self._mechanics.fields_of(self._fit, readings, warmer).tolist()
         rows = [self.stream.step(tuple(field), moment) for field, moment in zip(fields, times, strict=True)]
         shift, force = (np.array([getattr(row, name) for row in rows]).reshape(-1, 3) for name in ("shift", "force"))
         _, slow, load, _ = state(self.stream.coder, np.ascontiguousarray(shift.T))
@@ -125,7 +146,7 @@ class Calibrated:
             self._fit,
             [self._fit.covariance],
             shift[known],
-            np.zeros(known.sum()),
+            warmer[known],
             zeroed=bool(self.stream.offset.any()),
         )[0]
         off = np.array(
@@ -153,24 +174,30 @@ class Live:
     def __init__(self, design: Design, options: Streaming) -> None:
         # the times of a file, and of a device, are those at which rows were measured
         jitter = 0.0 if options.clock or is_file(options) else JITTER
+        self._of_frame, self._warmth = reader(design, options), thermometer(design, options)
         if options.calibration is None:
+            if options.temperature is not None:
+                raise BadInput("--temperature works with --calibration only: leave it out")
             self._decoder: Nominal | Calibrated = Nominal(design, options, jitter)
         else:
             from studies.calibration import calibration_file
 
             if options.level or options.responses:
                 raise BadInput("--calibration gives the mechanics: leave --level and --responses out")
-            self._decoder = Calibrated(calibration_file.of_design(options.calibration, design), jitter)
-        self.design, self._of_frame = design, reader(design, options)
+            fit = calibration_file.of_design(options.calibration, design)
+            calibration_file.given_temperature(fit, options.temperature)
+            self._decoder = Calibrated(fit, jitter, warm=self._warmth is not None)
+        self.design = design
         # loads, or after an installation compiles, what decodes: no frame waits for that
         coder = self._decoder.stream.coder
         Stream(coder).step(tuple(readings_with_slopes(coder.forward, np.zeros((3, 1)))[0][:, 0].tolist()), 0.0)
-        self.columns = ["time_s", *sources.columns(design), *self._decoder.columns]
+        warm = ["temperature_C"] if self._decoder.thermal else []
+        self.columns = ["time_s", *sources.columns(design), *warm, *self._decoder.columns]
         self._count = len(parts.of_design(design))
         self.counts: Counter[str] = Counter()
         self.late: deque[float] = deque(maxlen=RECENT)
         self.times, self._timed = (math.nan, math.nan), 0
-        self._recent: deque[tuple[float, tuple[float, ...]]] = deque(maxlen=RECENT)
+        self._recent: deque[tuple[float, tuple[float, ...], float]] = deque(maxlen=RECENT)
         if not 0 <= options.rest < math.inf:
             raise BadInput(f"--zero must be a time of 0 s or more; got {options.rest:g}")
         self._rest, self.zero_asked = options.rest, False
@@ -179,7 +206,11 @@ class Live:
         """Decode frames; those of the first `rest` seconds make the zero, and give no row."""
         read = [
             # an infinite number is none
-            (moment, tuple(v if math.isfinite(v) else math.nan for v in self._of_frame(numbers)))
+            (
+                moment,
+                tuple(v if math.isfinite(v) else math.nan for v in self._of_frame(numbers)),
+                math.nan if self._warmth is None else self._warmth(numbers),
+            )
             for moment, numbers in arrived
         ]
         if self._rest:
@@ -197,11 +228,12 @@ class Live:
         if self.zero_asked and self._recent and not math.isnan(self._recent[-1][0]):
             # else with the next rows
             self.zero_asked = not self._zero(self._recent[-1][0] - TARE)
-        times = [moment for moment, _ in read]
-        readings = np.array([row for _, row in read]).reshape(-1, self._count)
+        times = [moment for moment, _, _ in read]
+        readings = np.array([row for _, row, _ in read]).reshape(-1, self._count)
+        decoded = self._decoder.rows(times, readings, np.array([warmth for *_, warmth in read]))
         rows = [
-            dict(zip(self.columns, (moment, *row, *found), strict=True))
-            for (moment, row), found in zip(read, self._decoder.rows(times, readings), strict=True)
+            dict(zip(self.columns, (moment, *row, *([warmth] * self._decoder.thermal), *found), strict=True))
+            for (moment, row, warmth), found in zip(read, decoded, strict=True)
         ]
         if known := [moment for moment in times if not math.isnan(moment)]:
             self.times = self.times[0] if self._timed else known[0], known[-1]
@@ -222,7 +254,7 @@ class Live:
     def why_nothing(self, misfit: str) -> str:
         """Return why no row has a force; misfit : why no frame was found."""
         if self._rest and self._recent:
-            if all(math.isnan(moment) for moment, _ in self._recent):
+            if all(math.isnan(moment) for moment, _, _ in self._recent):
                 return f"no row has a time, which --zero {self._rest:g} needs: give the device's time with --clock"
             return f"the stream ended before --zero {self._rest:g} s: give a shorter time"
         if not self.counts:
@@ -232,12 +264,13 @@ class Live:
 
     def _zero(self, begun: float) -> bool:
         """Take the last rows since a time, s, for those at rest; not where an element has no reading in them."""
-        rest = np.array([row for moment, row in self._recent if moment >= begun])
+        chosen = [(row, warmth) for moment, row, warmth in self._recent if not moment < begun]
+        rest = np.array([row for row, _ in chosen])
         full = np.array([[e.low, e.high] for e in parts.of_design(self.design)]).T
         rest[(rest <= full[0]) | (rest >= full[1])] = np.nan
         whole = bool(np.isfinite(rest).any(axis=0).all())
         if whole:
-            self._decoder.zero(rest)
+            self._decoder.zero(rest, np.array([warmth for _, warmth in chosen]))
         return whole
 
 
@@ -276,6 +309,20 @@ def reader(design: Design, options: Streaming) -> Callable[[Sequence[float]], tu
     return readings
 
 
+def thermometer(design: Design, options: Streaming) -> Callable[[Sequence[float]], float] | None:
+    """Return the function from the numbers of a frame to the temperature of the design's chips, C, if any."""
+    if options.temperature is not None:
+        warmth = options.temperature
+        return lambda numbers: warmth
+    if is_table(options):
+        return lambda numbers: numbers[-1]
+    if options.frames not in ("lines-xyzt", "anyskin"):
+        return None
+    wanted = chips(design, options)
+    # behind x, y and z of all chips
+    return lambda numbers: sum(numbers[3 * len(numbers) // 4 + chip] for chip in wanted) / len(wanted)
+
+
 def chips(design: Design, options: Streaming) -> list[int]:
     """Return which chips of a frame are those of the design, counted from 0."""
     count, most = len(parts.of_design(design)) // 3, frames.MOST_CHIPS
@@ -302,7 +349,10 @@ def source_of(design: Design, options: Streaming) -> sources.Source:
     """
     _check_fit(options)
     if is_table(options):
-        return sources.replayed(Path(options.port), design, options.speed)
+        replay = sources.replayed(Path(options.port), design, options.speed)
+        if options.temperature is not None and any(math.isfinite(numbers[-1]) for _, numbers in replay.table):
+            raise BadInput(f"{options.port} has temperatures: leave --temperature out")
+        return replay
     cut = _frames(design, options)
     device = DeviceClock(options.clock) if options.clock else None
     if is_file(options):
@@ -372,6 +422,8 @@ def _check_fit(options: Streaming) -> None:
     if options.axes is not None:
         lines |= of_chips
     of_frames = {"lines": lines, "aa": {*of_chips, "lsb"}}.get(options.frames, of_chips)
+    if options.frames in ("lines-xyzt", "anyskin") and options.temperature is not None:
+        raise BadInput(f"frames of {options.frames} hold temperatures: leave --temperature out")
     fitting = {"speed"} if table else {"frames", *of_frames, *({"speed", "rate"} if file else {"baud"})}
     if file and options.clock is not None:
         fitting -= {"rate"}
@@ -488,6 +540,7 @@ def record(design: Design, decoding: Decoding, path: Path) -> None:
         level=decoding.level,
         responses=decoding.responses,
         calibration=decoding.calibration,
+        temperature=decoding.temperature,
     )
     live, source = Live(design, options), source_of(design, options)
     with atomic_files.atomic(path) as part, recording.mcap_file(part, design, recording.FRAME) as write:

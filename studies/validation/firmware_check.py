@@ -72,10 +72,16 @@ def for_target(folder: Path, optimised: str = "-Os") -> tuple[Path, int, int]:
     return program, text + data, data + bss
 
 
-def answers(program: Path, outputs: Array, seconds: Array | None = None) -> NDArray[Any]:
-    """Return what a program decodes from outputs (n, 3), and from a time series with the seconds before each row."""
+def answers(
+    program: Path, outputs: Array, seconds: Array | None = None, temperature: Array | None = None
+) -> NDArray[Any]:
+    """Return what a program decodes from outputs (n, 3), and from a time series with the seconds before each row.
+
+    temperature : (n,), C, for a decoder that takes one.
+    """
     before = np.full(len(outputs), np.nan) if seconds is None else seconds
-    np.column_stack([outputs, before]).astype("<f4").tofile(program.parent / "rows.bin")
+    columns = [outputs, before] + ([] if temperature is None else [temperature])
+    np.column_stack(columns).astype("<f4").tofile(program.parent / "rows.bin")
     emulator = ["qemu-system-arm", *PLAN["flags"]["qemu"].split()] if program.suffix == ".elf" else []
     _run([*emulator, str(program)], program.parent)
     return np.fromfile(program.parent / "answers.bin", ANSWER)

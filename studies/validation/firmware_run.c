@@ -1,10 +1,16 @@
 /* Decodes rows.bin into answers.bin: on this machine, or on a Cortex-M4F in QEMU without a library but math.h.
  *
  * A row is the readings and seconds, float: NaN for a single reading (magtip_decode), 0 at the beginning of a time
- * series (magtip_step). An answer is that of magtip_decoder.h, the number of instructions and the bytes of stack, which
+ * series (magtip_step); a decoder that takes a temperature has it behind. An answer is that of magtip_decoder.h, the number of instructions and the bytes of stack, which
  * are 0 on this machine.
  */
 #include "magtip_decoder.h"
+
+#ifdef MAGTIP_THERMAL
+#define ROW (MAGTIP_ELEMENTS + 2)
+#else
+#define ROW (MAGTIP_ELEMENTS + 1)
+#endif
 
 static magtip_sensor sensor;
 static struct {
@@ -12,9 +18,12 @@ static struct {
     uint32_t instructions, stack;
 } result;
 
-static void decode(const float row[MAGTIP_ELEMENTS + 1]) __attribute__((noinline));
-static void decode(const float row[MAGTIP_ELEMENTS + 1]) {
+static void decode(const float row[ROW]) __attribute__((noinline));
+static void decode(const float row[ROW]) {
     if (row[MAGTIP_ELEMENTS] == 0.0f) magtip_set_up(&sensor);
+#ifdef MAGTIP_THERMAL
+    magtip_set_temperature(&sensor, row[MAGTIP_ELEMENTS + 1]);
+#endif
     if (isnan(row[MAGTIP_ELEMENTS]))
         magtip_decode(&sensor, row, &result.answer);
     else
@@ -25,7 +34,7 @@ static void decode(const float row[MAGTIP_ELEMENTS + 1]) {
 #include <stdio.h>
 
 int main(void) {
-    float row[MAGTIP_ELEMENTS + 1];
+    float row[ROW];
     FILE *rows = fopen("rows.bin", "rb"), *answers = fopen("answers.bin", "wb");
     if (rows == NULL || answers == NULL) return 2;
     magtip_set_up(&sensor);
@@ -68,7 +77,7 @@ static volatile uint8_t *below(void) { return (uint8_t *)__builtin_frame_address
 static int run(void) __attribute__((noinline));
 static int run(void) {
     uint32_t in, out, i;
-    float row[MAGTIP_ELEMENTS + 1];
+    float row[ROW];
     in = file("rows.bin", 1, 8);
     out = file("answers.bin", 5, 11);
     magtip_set_up(&sensor);
