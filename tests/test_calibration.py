@@ -489,6 +489,29 @@ def test_a_stream_takes_the_temperature_of_its_frames_or_of_an_option(thermal, t
         assert warmth((1, 2, 3, 4, 5, 6, 20, 45)) == 45
 
 
+@pytest.mark.parametrize("warmth", [45.0, 20.0])
+def test_frames_of_a_chip_are_decoded_at_the_temperature_that_they_carry(warmth, run, strict, tmp_path):
+    design = Design(hall_layout="tmag5273a1")
+    law, source, _ = calibration_study.mechanics_of(design, None)
+    rows = pd.DataFrame({"run": ["a"], "temperature_C": [20.0]})
+    bench = bench_file.Bench(rows, tuple(parts.columns(parts.of_design(design))), [])
+    un = sensor_fit.unknowns_of(design, bench, tolerances())
+    sensor = sensor_fit.Sensor(design, law, un, np.full(3, 1e-5), 0.02)
+    found = calibrated_forces.planned(sensor, np.array([[0.1, 0.0, -0.4], [0.0, 0.1, -0.9]]))
+    (tmp_path / "calibration.json").write_text(calibration_file.as_text(found, source, None), "utf-8")
+    (down, x, y, *true), *_ = sensor.predict(un.mean, np.array([[0.1, 0.05, -0.8]]), np.array([warmth - 20]))
+    line = f"{1e6 * x:.3f},{1e6 * y:.3f},{-1e6 * down:.3f},{warmth}\n"
+    (tmp_path / "capture").write_text(12 * line)
+    options = ("--frames", "lines-xyzt", "--rate", 1e-3, "--speed", 0, "--set", "hall_layout=tmag5273a1", "--json")
+    words = ("--port", tmp_path / "capture", "--calibration", tmp_path / "calibration.json", *options)
+    status, text, err = run("stream", "paper", *words)
+    assert status == 0, err
+    row = strict(text)[-1]
+    assert row["temperature_C"] == warmth
+    assert row["force_z_N"] == pytest.approx(true[2], abs=1e-2)
+    assert "temperature" not in err
+
+
 def test_a_table_with_temperatures_is_streamed_as_it_is_decoded(thermal, run, tmp_path):
     found, path = thermal
     celsius = np.linspace(20, 45, 12)
