@@ -235,13 +235,15 @@ def test_stamps_are_times_in_their_unit(unit, second):
     assert_allclose(times, 0.02 * np.arange(50), atol=1e-9)
 
 
-@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf, -5, 0, 3, 205, 9000, 1e30])
-def test_a_damaged_stamp_spoils_its_own_row_only(bad):
+@pytest.mark.parametrize("row", [0, 1, 2, 30, 59])
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf, -5, 0, 3, 305, 9000, 1e30])
+def test_a_damaged_stamp_spoils_its_own_row_only(bad, row):
     stamps = 100.0 + 10 * np.arange(60)
-    stamps[30] = bad
+    stamps[row] = bad
     times, clock = timed(stamps)
-    assert np.flatnonzero(np.isnan(times)).tolist() == [30]
-    assert_allclose(np.delete(times, 30), np.delete(0.01 * np.arange(60), 30), atol=1e-9)
+    assert np.flatnonzero(np.isnan(times)).tolist() == [row]
+    # since the first row that has a time
+    assert_allclose(np.delete(times, row), np.delete(0.01 * (np.arange(60) - (row == 0)), row), atol=1e-9)
     assert clock.remarks == []
 
 
@@ -257,7 +259,7 @@ def test_missing_rows_and_a_device_that_begins_again_go_on():
     arrivals = np.concatenate([0.01 * np.arange(20), 3 + 0.01 * np.arange(20)])
     times, clock = timed(again, arrivals=arrivals)
     assert_allclose(times, arrivals, atol=1e-9)
-    assert "the device's clock began again 1 times" in clock.remarks[0]
+    assert "the device's clock began again once" in clock.remarks[0]
 
 
 def test_one_damaged_stamp_does_not_change_the_forces_behind(capsys, tmp_path):
@@ -335,6 +337,12 @@ def test_frames_of_a_file_are_replayed_with_their_rate(capsys, tmp_path):
     assert_allclose([row["time_s"] for row in rows], np.delete(0.05 * np.arange(10), 2))
 
 
+def test_a_file_of_frames_without_their_rate_is_told_so(refusal, tmp_path):
+    (tmp_path / "capture.txt").write_text(f"{LINE}\n{LINE}\n")
+    sentence = refusal("stream", "paper", "--port", tmp_path / "capture.txt")
+    assert "begins with numbers in place of heads: a file of frames needs their --rate, or --clock" in sentence
+
+
 def test_lines_of_a_chips_own_axes_need_no_other_order(capsys, tmp_path):
     design = Design(hall_layout="tmag5273a1")
     down, x, y = 1e6 * forward_model.readings_at(forward_model.model(design), np.array([[0.1], [0.2], [-0.4]]))[:, 0]
@@ -376,6 +384,10 @@ def test_a_zero_needs_a_number_of_each_element():
     live.zero_asked = True
     (row,) = live.rows([(0.0, (2.87, float("nan"), 2.79))])
     assert (row["status"], live.zero_asked) == ("not_finite", True)
+    assert "no zero was taken since it was asked for" in live.remarks[0]
+    # nor is one taken of rows whose times are not known
+    live.rows([(math.nan, (2.87, 2.79, 2.79))])
+    assert live.zero_asked
     live.rows([(1.0, (2.87, 2.79, 2.79))])
     assert not live.zero_asked
 
@@ -537,7 +549,7 @@ def package(tmp_path, monkeypatch):
     return folder
 
 
-def test_ros_package_is_whole_and_its_feed_is_the_stream(package, capsys):
+def test_ros_package_is_whole_and_its_feed_is_the_stream(package, capsys, tmp_path):
     """The node itself needs ROS: its files are compiled, and what it publishes comes from the feed."""
     for file in package.rglob("*.py"):
         compile(file.read_text("utf-8"), file, "exec")
@@ -552,6 +564,13 @@ def test_ros_package_is_whole_and_its_feed_is_the_stream(package, capsys):
     pushed = [fields["wrench"]["force"]["z"] for topic, _, fields in messages if topic == "wrench"]
     assert_allclose(pushed, [-row["force_z_N"] for row in rows])
     assert {topic for topic, _, _ in messages} == {"wrench", "status", *(f"magnetic_field/S{k}" for k in (1, 2, 3))}
+    # rows that are poured into a pipe have no times
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    thread = threading.Thread(target=pipe.write_text, args=(f"{LINE}\n" * 9,))
+    thread.start()
+    assert sum(topic == "wrench" for topic, _, _ in feed(str(pipe), "paper", "tip", level="finite")) == 8
+    thread.join()
     slower = feed(str(RECORDING), "paper", "tip", level="finite", rate=10.0)
     assert sum(topic == "wrench" for topic, _, _ in slower) == 6
 

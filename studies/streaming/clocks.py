@@ -5,6 +5,7 @@ A time that is not known is NaN: the row's force is then that of slow loading (`
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections import deque
 from collections.abc import Iterator, Sequence
@@ -21,9 +22,8 @@ TURN = 2.0**32
 FAR = 4.0
 """Time between two stamps, over the median of those before, from which a stamp needs another one that confirms it."""
 RECENT = 8
-BEGINNING = 3
-"""Number of stamps in even steps with which a clock begins."""
-MOST_WAITING = 3
+BEGINNING, MOST_WAITING = 3, 4
+"""Number of stamps in even steps with which a clock begins, and most rows that wait for a stamp that counts."""
 STALE = 0.5
 """Time since a source was empty, s, from which moments of arrival say nothing of when its rows were measured."""
 FASTEST = 2e-4
@@ -87,7 +87,8 @@ class DeviceClock:
     def remarks(self) -> list[str]:
         if not self._starts:
             return []
-        return [f"the device's clock began again {self._starts} times: times after it go on by the rows' arrival"]
+        often = "once" if self._starts == 1 else f"{self._starts} times"
+        return [f"the device's clock began again {often}: times after it go on by the rows' arrival"]
 
     def waits(self, now: float) -> None:
         """Do nothing: stamps do not depend on when rows arrive."""
@@ -101,14 +102,15 @@ class DeviceClock:
         if self._waiting and math.isnan(self._last):
             stamps = [stamp for stamp, _, _ in self._waiting]
             if all(map(math.isfinite, stamps)) and stamps == sorted(stamps):
-                return list(self._begun())
+                return list(self._begun(range(len(stamps))))
         return self._lost(len(self._waiting))
 
     def _next(self, stamp: float, now: float, numbers: Numbers) -> Iterator[Row]:
         if math.isnan(self._last):
             self._waiting.append((stamp, now, numbers))
-            if len(self._waiting) == BEGINNING:
-                yield from self._begun() if self._even() else self._lost(1)
+            chosen = itertools.combinations(range(len(self._waiting)), BEGINNING)
+            good = next(filter(self._even, chosen), None)
+            yield from self._lost(len(self._waiting) - MOST_WAITING) if good is None else self._begun(good)
             return
         # damaged stamps may lie between
         steps = len(self._waiting) + 1
@@ -134,17 +136,18 @@ class DeviceClock:
     def _follows(self, stamp: float, steps: int) -> bool:
         return 0 <= stamp - self._last <= self._far(steps)
 
-    def _even(self) -> bool:
-        """Return whether the stamps that wait go on in steps of about one length."""
-        first, second, third = (stamp for stamp, _, _ in self._waiting)
+    def _even(self, chosen: Sequence[int]) -> bool:
+        """Return whether these of the stamps that wait go on in steps of about one length."""
+        first, second, third = (self._waiting[k][0] for k in chosen)
         short, long = sorted((second - first, third - second))
         return 0 <= short <= long <= FAR * max(short, self._resolution) or short == long == 0
 
-    def _begun(self) -> Iterator[Row]:
-        self._origin = self._last = self._waiting[0][0]
-        self._heard = self._waiting[0][1]
-        while self._waiting:
-            yield self._taken(*self._waiting.popleft())
+    def _begun(self, good: Sequence[int]) -> Iterator[Row]:
+        """Yield the rows that wait, of which those with good stamps have a time."""
+        self._origin = self._last = self._waiting[good[0]][0]
+        for k in range(len(self._waiting)):
+            stamp, now, numbers = self._waiting.popleft()
+            yield self._taken(stamp, now, numbers) if k in good else (math.nan, numbers)
 
     def _again(self, stamp: float, now: float, numbers: Numbers) -> Iterator[Row]:
         """Yield the row of a stamp that another one confirms: after missing rows, or of a device that began again."""

@@ -243,7 +243,8 @@ class Live:
 
     @property
     def remarks(self) -> Sequence[str]:
-        return self._decoder.said
+        asked = "no zero was taken since it was asked for: that takes rows with times, and numbers of all elements"
+        return [*self._decoder.said, *[asked] * self.zero_asked]
 
     @property
     def rate(self) -> float:

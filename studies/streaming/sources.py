@@ -18,8 +18,9 @@ import numpy as np
 
 from analytic import parts
 from geometry.design import BadInput, Design
+from studies.inputs.table_input import number
 from studies.streaming.clocks import Arrival, DeviceClock, Row
-from studies.streaming.frames import IDLE, Frames
+from studies.streaming.frames import IDLE, LONGEST, NUMBERS, Frames
 
 WAIT = 0.1
 """Longest time without a byte, s, after which a source says so: the screen is drawn, and Ctrl-C heard."""
@@ -164,6 +165,12 @@ def replayed(path: Path, design: Design, speed: float) -> Replay:
     """
     from studies.calibration.bench_file import read_readings
 
+    with path.open("rb") as file:
+        words = NUMBERS.split(file.readline(LONGEST).strip())
+    if all(number(word.decode("ascii", "replace")) is not None for word in words):
+        raise BadInput(
+            f"{path} begins with numbers in place of heads: a file of frames needs their --rate, or --clock"
+        )
     _, readings, times, temperature = read_readings(path, design)
     if times is None:
         raise BadInput(f"{path} has no column time_s: a replay needs the time of each row")
