@@ -260,6 +260,45 @@ def test_map_of_errors_has_each_error_in_its_cell():
     assert f"{within:.0f} % of the cases are within 10 %" in error.caption
 
 
+def test_errors_of_a_picture_are_those_of_the_table():
+    """The shortest beam's force is a thousand times that of the longest one."""
+    whole = table(
+        {"L_mm": [6.0, 60.0], "shear_mm": [0.4, 0.8]},
+        fem_force_x_N=lambda L, s: s * (6 / L) ** 3,
+        analytic_force_x_N=lambda L, s: s * (6 / L) ** 3 * np.where(L > 6, 1.5, 1.02),
+        force_x_error_percent=lambda L, s: np.where(L > 6, 50.0, 2.0) + s,
+    )
+    whole.loc[3, ["force_x_error_percent", "analytic_force_x_N", "fem_force_x_N"]] = [np.nan, 0.1, -0.1]
+    whole["error_status"] = ["ok", "ok", "ok", "gave_way"]
+    _, error = sweep_figures.sweep(whole)
+    shown = error.data.sort_values(["series", "shear (mm)"], kind="stable")
+    assert shown["error (%)"].tolist()[:3] == [2.4, 2.8, 50.4]
+    assert shown["failed"].tolist() == [False, False, False, True]
+    assert "67 % of the cases are within 10 %" in error.caption
+
+
+def test_unstable_states_are_open_and_do_not_count():
+    forces = {"fem_force_N": lambda L, d: L * d, "analytic_force_N": lambda L, d: L * d}
+    whole = table(
+        {"L_mm": [9.0, 12.0], "depth_mm": [0.5, 1.0]}, **forces, force_error_percent=lambda L, d: 30 - 25 * d + L / 9
+    )
+    whole["critical_depth_mm"] = [0.8, 0.8, 0.6, 0.6]
+    whole["status"] = ["ok", "unstable"] * 2
+    value, error, *_ = sweep_figures.sweep(whole)
+    assert "Over all stable cases: finite elements from 4.5 to 6 N" in value.caption
+    assert "0 % of the 2 stable cases are within 10 %" in error.caption
+    assert "2 cases that are not known to be stable do not count" in error.caption
+    opened = value.data.set_index(["model", "series", "depth (mm)"])["open"]
+    # a formula knows no stability
+    assert opened["finite elements"].tolist() == [False, False, True, True]
+    assert not opened["the paper's formula"].any()
+    assert error.data["open"].tolist() == [False, False, True, True]
+    assert value.data.groupby("series")["limit"].first().to_dict() == {"L = 9 mm": 0.8, "L = 12 mm": 0.6}
+    layers = str(value.chart.to_dict())
+    assert "!datum.open" in layers
+    assert "datum.limit" in layers
+
+
 def test_failed_cases_are_counted_with_their_cause_and_marked():
     whole = table(AXES, fem_force_N=lambda D, L, d: D * d / L).assign(message="")
     whole.loc[0, ["status", "message"]] = ["bad_input", "the magnet does not fit; take a smaller one"]

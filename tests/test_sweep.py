@@ -180,6 +180,22 @@ def test_a_shear_is_solved_along_x_and_turned(traced):
     assert y["fem_S3_mT"] == pytest.approx(x["fem_S2_mT"], rel=1e-9)
 
 
+def test_where_the_beam_gives_way_no_error_along_the_shear_is_stated():
+    """A slender tip that sticks to the plate beyond its critical depth pushes along the shear."""
+    slender = replace(BARE, L=32.0)
+    rough = (FemModel("rough", replace(QUICK, section_size=0.25, section_patch=0.03, harmonics=1)),)
+    rows = run(slender, {"depth": [0.2, 0.8]}, {"shear": 0.8}, fem=rough, magnet="ignored", **SIDE)
+    assert [row["error_status"] for row in rows] == ["ok", "gave_way"]
+    firm, gone = rows
+    assert firm["fem_force_x_N"] > 0 > gone["fem_force_x_N"]
+    own = 100 * (firm["analytic_force_x_N"] / firm["fem_force_x_N"] - 1)
+    assert firm["force_x_error_percent"] == pytest.approx(own)
+    assert math.isnan(gone["force_x_error_percent"])
+    assert math.isnan(gone["tilt_error_percent"])
+    assert math.isfinite(gone["force_error_percent"])
+    assert "the beam gave way" in gone["message"]
+
+
 def test_a_sheared_path_solves_only_the_missing_shears(traced, kept):
     first = run(paper(), {"shear": [0.2, 0.4]}, {"depth": 0.5}, **SIDE, kept=kept)
     again = run(paper(), {"shear": [0.4, 0.0, 0.6]}, {"depth": 0.5}, **SIDE, kept=kept)
@@ -393,6 +409,10 @@ def test_models_are_ordered_from_coarse_to_fine():
     [
         (asked(), ["a sweep needs at least one axis"]),
         (asked(["D=8"]), ["a sweep needs a depth"]),
+        (
+            asked(["law=neo-hookean,yeoh"], depth=1.0),
+            ["yeoh without its numbers", "set yeoh_2 or yeoh_3, or leave it out"],
+        ),
         (asked(["D=8"], depth=-1.0), ["axis depth must be more than 0 mm; got -1"]),
         (asked(["D=8"], depth=1.0, sets=["D=9"]), ["D is both an axis and set to 9"]),
         (asked(["depth=1"], depth=1.0), ["depth is given twice"]),

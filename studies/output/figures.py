@@ -8,6 +8,7 @@ or cell, whose columns have the names of the axes with their units, such as "dep
 - point: name of a point in its readout; label: short text beside it;
 - low, high: interval of the point, drawn as a bar, or as a band behind a line;
 - failed: whether the case failed: a cross at the lower edge, or a grey cell;
+- open: whether the marker is open, for a state that is doubted; limit: where on x a dotted line of the series stands;
 - joined: whether a line joins the points, where not all are alike.
 """
 
@@ -493,7 +494,23 @@ def _marks(base: Any, data: pd.DataFrame, axes: tuple[str, str], look: Look) -> 
     tooltip = _tooltip(data, [name for name in columns if name in data])
     points = drawn.transform_filter("!datum.joined") if "joined" in data else drawn
     visible = few or "joined" in data
-    layers.append(points.mark_point(opacity=1 if visible else 0).encode(tooltip=tooltip, **colour, **shape))
+    filled = points.transform_filter("!datum.open") if "open" in data else points
+    layers.append(filled.mark_point(opacity=1 if visible else 0).encode(tooltip=tooltip, **colour, **shape))
+    if "open" in data:
+        # the legend shows the marks of the first layer
+        empty = points.transform_filter("datum.open").mark_point(filled=False, fill="white", strokeWidth=1.6)
+        layers.append(empty.encode(tooltip=tooltip, **colour, **shape))
+    if "limit" in data:
+        ends = (
+            alt.Chart()
+            .transform_filter("isValid(datum.limit)")
+            .transform_aggregate(limit="min(limit)", groupby=[name for name in ("series",) if name in data])
+        )
+        layers.append(
+            ends.mark_rule(strokeDash=[2, 3], strokeWidth=1.5, aria=False).encode(
+                x=alt.X("limit:Q", title=x), **colour
+            )
+        )
     if "label" in data and len(data) <= MOST_LABELS:
         layers.append(drawn.mark_text(dx=9, align="left", style="label", aria=False).encode(text="label:N"))
     if "failed" in data:

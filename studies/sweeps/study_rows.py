@@ -2,7 +2,9 @@
 
 Everything is computed for a batch of cases at once: responses for each distinct problem, scaled to the E of each
 case; readings for all cases in one call (`analytic.hall.batch_readings`). Errors are those of a model against the
-reference, the last finite-element model of the study, in %.
+reference, the last finite-element model of the study, in % of the case's own value. Where the reference's force along
+a shear is not positive, or within its own error of 0, the beam gave way: no error along the shear is stated, and
+`error_status` is `gave_way`, as in `studies.validation.assumption`.
 
 Columns of a model begin with `fem_` or `analytic_`; if a study has several models of a kind, with their names too:
 `fem_quick_`, `analytic_finite_`.
@@ -34,6 +36,7 @@ from geometry.loads import ANSWERED, Load, Response, rotation_of
 from geometry.relaxation import relaxation_of
 from studies.inputs import study_input
 from studies.mechanics import timed_quantities
+from studies.mechanics.model_choice import along_shear
 from studies.mechanics.path_solver import Answer, frequency_unit
 from studies.mechanics.solve_plan import IMPOSSIBLE
 from studies.mechanics.study_cases import Batch, Columns, Plan, Problem, Recent
@@ -53,6 +56,11 @@ OF_STATES = {
     "sideways_stiffness": ("sideways_stiffness_ratio", "", 1.0),
 }
 """Quantities that stored states say beside their response: names of the value and of its unit, and a factor."""
+SIDEWAYS = ("force_x_N", "force_y_N", "shift_x_mm", "shift_y_mm", "tilt_rad", "tilt_y_rad")
+"""Columns whose errors are not stated where the beam gave way."""
+GAVE_WAY = "the beam gave way: its force does not oppose the shear, and no error along the shear is stated"
+LAST = ("status", "message")
+"""Last columns of a table."""
 POSE = ("shift_x_mm", "shift_y_mm", "shift_z_mm", "tilt_rad", "tilt_y_rad")
 """Columns that place the magnet."""
 MOST_DECODERS = 16
@@ -155,7 +163,8 @@ class Rows:
             states[level] = [self._formula(level, *each) for each in zip(batch.codes, batch.problems, strict=True)]
         results = {name: spread(batch, [answer.response for answer in each]) for name, each in states.items()}
         table = self._axis_columns(batch)
-        table |= self._mechanics(results)
+        gave_way = np.array([self._gives_way(states, k, p) for k, p in enumerate(batch.problems)], dtype=bool)
+        table |= self._mechanics(results, gave_way[batch.problem])
         for quantity, (value, unit, factor) in OF_STATES.items():
             for name, answers in solved.states.items() if quantity in plan.quantities else ():
                 found = _of_answers(batch, [answer.values.get(value) for answer in answers])
@@ -168,7 +177,22 @@ class Rows:
             table |= OTHERS[name](plan, batch, answers)
         if "l0" not in plan.axes:
             table["l0_mm"] = _of_sensors(batch, lambda design: design.l0)
-        return table | self._estimates(batch, solved) | self._verdict(batch, solved, states)
+        table |= self._estimates(batch, solved) | self._verdict(batch, solved, states)
+        if self.plan.truth and self.plan.loads_sideways and len(results) > 1:
+            answered = np.isfinite(results[self.plan.truth]["force_N"])
+            table["error_status"] = np.where(answered, np.where(gave_way[batch.problem], "gave_way", "ok"), "")
+            for row in np.flatnonzero(answered & gave_way[batch.problem]).tolist():
+                table["message"][row] = "; ".join(filter(None, (table["message"][row], GAVE_WAY)))
+        return {name: table[name] for name in (*(n for n in table if n not in LAST), *LAST)}
+
+    def _gives_way(self, states: Mapping[str, Sequence[Answer]], k: int, problem: Problem) -> bool:
+        """Return whether the reference's force along a shear is not known to oppose it."""
+        if not self.plan.truth or problem.load is None or not problem.load.shears_tip:
+            return False
+        answer = states[self.plan.truth][k]
+        if answer.response is None:
+            return False
+        return not along_shear(problem.load, answer.response) * (1 - (answer.estimates.get("sideways") or 0.0)) > 0
 
     def _axis_columns(self, batch: Batch) -> Columns:
         base, n = self.plan.design, len(batch)
@@ -181,7 +205,7 @@ class Rows:
             table[study_input.column(name)] = _as_column(values)
         return table
 
-    def _mechanics(self, results: Mapping[str, Columns]) -> Columns:
+    def _mechanics(self, results: Mapping[str, Columns], gave_way: NDArray[np.bool_]) -> Columns:
         plan = self.plan
         shown = [
             name
@@ -193,7 +217,8 @@ class Rows:
             for model in (model for model in results if model != plan.truth):
                 for name in shown:
                     error = f"{error_prefix(plan, model)}{name.rpartition('_')[0].replace('shift_z', 'shift')}"
-                    table[f"{error}_error_percent"] = percents(results[model][name], results[plan.truth][name])
+                    stated = percents(results[model][name], results[plan.truth][name])
+                    table[f"{error}_error_percent"] = np.where(gave_way & (name in SIDEWAYS), NAN, stated)
         return table
 
     def _formula(self, level: str, code: int, problem: Problem) -> Answer:

@@ -13,13 +13,14 @@ import contextlib
 import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry.design import BadInput
+from geometry.design import LAWS, BadInput, Design, no_numbers
 from geometry.loads import ANSWERED
 from geometry.messages import Progress
 from studies.inputs import study_input, user_input
@@ -196,6 +197,7 @@ def plan_of(source: str | None, options: Sweep, sets: Sequence[str] = ()) -> Pla
     design = study_input.study_design(study, sets, magnet=magnet)
     names = tuple(name for factor in study.factors for name in factor.names)
     _check_twice(names, options, sets, study)
+    _check_laws(design, study.factors)
     load = _load(study, options)
     fem, formulas = _models(options, study)
     asked = study.quantities if options.quantities is None else _parts(options.quantities)
@@ -241,6 +243,14 @@ def _check_twice(names: Sequence[str], options: Sweep, sets: Sequence[str], stud
     if "magnet" in names and (options.magnet is not None or study.magnet is not None):
         where = "by --magnet" if options.magnet is not None else "alone in the study"
         raise BadInput(f"magnet is given twice, as an axis and {where}: leave one of them out")
+
+
+def _check_laws(design: Design, factors: Sequence[study_input.Factor]) -> None:
+    """Refuse an axis of laws with one that has no numbers: its rows would repeat those of the law neo-hookean."""
+    values = {name: each for factor in factors for name, each in zip(factor.names, factor.values, strict=True)}
+    for law in map(str, values.get("law", ())):
+        if law != "neo-hookean" and not set(LAWS[law]) & set(values) and replace(design, law=law).is_neo_hookean:
+            raise BadInput(f"{no_numbers(law)}, or leave it out of the axis law")
 
 
 def _load(study: study_input.Study, options: Sweep) -> dict[str, Value]:

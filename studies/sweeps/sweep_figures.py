@@ -26,7 +26,7 @@ from studies.inputs import study_input
 from studies.mechanics.path_solver import KINDS
 from studies.mechanics.study_cases import Columns, Plan
 from studies.output import figures
-from studies.output.figures import ERROR_EDGES, Figure, Guide, Look, bands, short
+from studies.output.figures import ERROR_EDGES, Figure, Guide, Look, short
 from studies.output.text_tables import quantity_name
 
 if TYPE_CHECKING:
@@ -52,6 +52,8 @@ LEAST_RATIO = 8.0
 """Ratio of the last to the first value from which a logarithmic axis is of use."""
 BEYOND = 5.0
 """Ratio to the error that 90 % of the cases do not exceed beyond which a plot does not show errors."""
+SHADES = (Guide("y", -10.0, to=10.0), Guide("y", -5.0, to=5.0), Guide("y", 0.0))
+"""Shades of errors within 5 and 10 %, which the axis names: labels in the panels would lie on the data."""
 BINS = 8
 """Number of parts of an axis between whose means the effect of the axis is measured."""
 MOST_NOTED = 100
@@ -75,7 +77,9 @@ def sweep(table: pd.DataFrame, quantities: Sequence[str] = tuple(QUANTITIES)) ->
     present = [quantity for quantity in quantities if models_of(table, quantity)]
     if not axes or not present or not len(table):
         return []
-    table = table.assign(failed=~table["status"].isin(ANSWERED))
+    answered = table["status"].isin(ANSWERED)
+    gave_way = table["error_status"] == "gave_way" if "error_status" in table else False
+    table = table.assign(failed=~answered, open=answered & (table["status"] != "ok"), gave_way=gave_way)
     notes = [*notes, *failures(table)]
     draw = _scattered if is_sampled(table, axes) else _over_grid
     drawn = [figure for quantity in present for figure in draw(table, axes, quantity)]
@@ -249,12 +253,16 @@ def _over_grid(table: pd.DataFrame, axes: Sequence[str], quantity: str) -> Itera
     notes = [f"{_list(idle)} {'changes' if len(idle) == 1 else 'change'} nothing in the {words}."]
     models = {column: model_name(column, quantity) for column in columns}
     unit = label.partition("(")[2].rstrip(")")
+    stable = solved[~solved["open"]]
     ends = [
-        f"{name} from {solved[column].min():.3g} to {solved[column].max():.3g} {unit}".strip()
+        f"{name} from {stable[column].min():.3g} to {stable[column].max():.3g} {unit}".strip()
         for column, name in models.items()
-        if solved[column].notna().any()
+        if stable[column].notna().any()
     ]
-    caption = f"Over all cases: {'; '.join(ends)}." if ends else "Every case failed."
+    which = "all stable cases" if solved["open"].any() else "all cases"
+    caption = (
+        f"Over {which}: {'; '.join(ends)}." if ends else "No case is stable." if len(solved) else "Every case failed."
+    )
     title = f"{_capital(words)} over {in_words(look.x)}"
     shown = {columns[0]: models[columns[0]]} if look.maps else models
     styles = tuple(models.values())
@@ -263,18 +271,14 @@ def _over_grid(table: pd.DataFrame, axes: Sequence[str], quantity: str) -> Itera
     errors = [column for column in (models_of(table, error) if error else []) if solved[column].notna().any()]
     if not errors:
         return
-    unit = "%"
-    differences = _over_the_largest(solved, quantity, error, errors)
-    if differences is not None:
-        table, unit = table.assign(**differences), f"% of the largest {name}"
     own = view(table, axes, errors)
     # an error's column without a prefix is that of the only formula
     others = [name for name in models.values() if name != "finite elements"]
     names = {column: others[-1] if column == error and others else model_name(column, error) for column in errors}
     for part in [{column: text} for column, text in names.items()] if own.maps else [names]:
-        caption = " ".join(_share(table.loc[~table["failed"], column], text, unit) for column, text in part.items())
+        caption = " ".join(_share(solved, column, text) for column, text in part.items())
         by = f", {next(iter(part.values()))}" if len(part) == 1 else ""
-        yield from _drawn((f"Error of the {name}{by}", caption), table, own, f"error ({unit})", part, [], styles)
+        yield from _drawn((f"Error of the {name}{by}", caption), table, own, "error (%)", part, [], styles)
 
 
 def _drawn(
@@ -292,11 +296,18 @@ def _drawn(
     error = label.startswith("error")
     keys = [axis for axis in (look.x, look.second, *look.panels) if axis]
     long = []
+    if error:
+        table = table.assign(failed=table["failed"] | table["gave_way"])
     for column, name in names.items():
-        groups = table.assign(value=table[column].where(~table["failed"])).groupby(keys, sort=False)
+        known = ~table["failed"] & table[column].notna()
+        # a formula knows no stability: in a figure of errors the reference's counts
+        doubted = table["open"] & known & (error or not column.startswith("analytic"))
+        groups = table.assign(value=table[column].where(known), open=doubted).groupby(keys, sort=False)
         low, high = groups["value"].min(), groups["value"].max()
         part = pd.DataFrame({label: high.where(high.abs() >= low.abs(), low), "low": low, "high": high})
-        part["failed"] = groups["failed"].any()
+        part["failed"], part["open"] = groups["failed"].any(), groups["open"].any()
+        if look.x == "depth_mm" and "critical_depth_mm" in table:
+            part["limit"] = groups["critical_depth_mm"].min()
         long.append(part.reset_index().assign(model=name))
     # texts keep the order of the study
     rising = [axis for axis in keys if table[axis].dtype.kind in "fiu"]
@@ -306,14 +317,15 @@ def _drawn(
         how = "the value of greatest magnitude" if look.maps else "lines at the greatest magnitude, shades over all"
         values = _list([in_words(axis) for axis in look.folded])
         notes = [*notes, f"{_capital(in_words(label))} over all values of {values}: {how}."]
-    shown = pd.DataFrame({quantity_name(look.x): data[look.x], label: data[label], "failed": data["failed"]})
+    notes = [*notes, *_marked(table, data, error=error, maps=look.maps)]
+    flags = {name: data[name] for name in ("failed", "open") if data[name].any()}
+    shown = pd.DataFrame({quantity_name(look.x): data[look.x], label: data[label], **flags})
     if look.panels:
         shown["panel"] = [
             ", ".join(map(value_of, look.panels, row)) for row in zip(*(data[a] for a in look.panels), strict=True)
         ]
-    if not shown["failed"].any():
-        shown = shown.drop(columns="failed")
     if look.maps:
+        shown = shown.rename(columns={"open": "doubted"})
         shown[quantity_name(look.second)] = data[look.second]
         across = (quantity_name(look.x), quantity_name(look.second))
         figure = figures.heat(*words, shown, across, label, edges=ERROR_EDGES if error else ())
@@ -321,6 +333,14 @@ def _drawn(
         return
     if look.folded:
         shown = shown.assign(low=data["low"], high=data["high"])
+    if "limit" in data and not look.folded:
+        # a line far beyond the depths would squeeze them
+        inside = data["limit"].between(data[look.x].min(), data[look.x].max())
+        shown["limit"] = data["limit"].where(inside)
+        notes = [
+            *notes,
+            *(["Dotted lines across: depth at which the press buckles sideways."] if inside.any() else []),
+        ]
     if look.second:
         shown["series"] = [value_of(look.second, value) for value in data[look.second]]
     if not look.second or len(styles) > 1:
@@ -329,7 +349,8 @@ def _drawn(
     log = "x" if numeric and log_spaced(np.unique(table[look.x])) else ""
     span, guides = None, tuple[Guide, ...]()
     if error:
-        guides = bands(5, 10)
+        guides = SHADES
+        notes = [*notes, "Shades: errors within 5 and 10 %."]
         span, said = _limits(data[label])
         notes = [*notes, *said]
     elif log and data[label].min() > 0 and data[label].max() > figures.WIDE * data[label].min():
@@ -352,34 +373,36 @@ def _limits(errors: pd.Series) -> tuple[tuple[float, float] | None, list[str]]:
     return (float(inside.min() - room), float(inside.max() + room)), [f"{what} at the edge: {ends}."]
 
 
-def _share(errors: pd.Series, model: str, unit: str) -> str:
-    judged = errors[np.isfinite(errors)]
-    over = unit.removeprefix("%")
+def _marked(table: pd.DataFrame, data: pd.DataFrame, *, error: bool, maps: bool) -> list[str]:
+    """Return what the marks of a figure mean; `table` has the cases, `data` the marks."""
+    said = []
+    if data["open"].any():
+        count = int(table["open"].sum())
+        what = "1 case is" if count == 1 else f"{count} cases are"
+        mark = "dots" if maps else "open markers"
+        said.append(
+            f"{_capital(mark)}: {what} unstable, or not known to be stable; a real sensor may leave such a state."
+        )
+    if error and table["gave_way"].any():
+        count = int(table["gave_way"].sum())
+        said.append(f"Crosses: in {count} of {len(table)} cases the beam gave way or failed, and no error is stated.")
+    return said
+
+
+def _share(solved: pd.DataFrame, column: str, model: str) -> str:
+    """Return which shares of the stable cases have small errors; what is not known to be stable does not count."""
+    judged, doubted = (solved.loc[rows, column].dropna() for rows in (~solved["open"], solved["open"]))
+    if not len(judged):
+        return f"No stable case has an error of {model}."
+    of, left = "cases", ""
+    if len(doubted):
+        of = f"{len(judged)} stable cases"
+        left = f" {len(doubted)} cases that are not known to be stable do not count."
     return (
-        f"Error of {model} against finite elements: {100 * (judged.abs() <= 10).mean():.0f} % of the cases are "
-        f"within 10 %{over}, {100 * (judged.abs() <= 5).mean():.0f} % within 5 %; the errors lie between "
-        f"{judged.min():+z.0f} and {judged.max():+z.0f} %."
+        f"Error of {model} against finite elements: {100 * (judged.abs() <= 10).mean():.0f} % of the {of} are "
+        f"within 10 %, {100 * (judged.abs() <= 5).mean():.0f} % within 5 %; the errors lie between "
+        f"{judged.min():+z.0f} and {judged.max():+z.0f} %.{left}"
     )
-
-
-def _over_the_largest(
-    solved: pd.DataFrame, quantity: str, error: str, columns: Sequence[str]
-) -> dict[str, pd.Series] | None:
-    """Return differences from the finite elements in % of their largest magnitude, where the models differ in sign.
-
-    An error relative to a force of the other sign says too low of what is too high. None where no sign differs.
-    """
-    values = models_of(solved, quantity)
-    formula = next((name for name in values if not name.startswith("fem")), "")
-    models = {column: f"{column.removesuffix(error)}{quantity}" if column != error else formula for column in columns}
-    # the reference has no errors
-    truth = next((name for name in values if name not in models.values()), "")
-    if not truth or not all(model in solved for model in models.values()):
-        return None
-    largest = float(solved[truth].abs().max())
-    if not any((solved[model] * solved[truth] < -((SAME * largest) ** 2)).any() for model in models.values()):
-        return None
-    return {column: 100 * (solved[model] - solved[truth]) / largest for column, model in models.items()}
 
 
 def effect(x: Array, y: Array) -> float:
@@ -413,6 +436,7 @@ def _scattered(table: pd.DataFrame, axes: Sequence[str], quantity: str) -> Itera
             continue
         parts = [
             table[["failed"]].assign(
+                open=table["open"] & (unit != label or not column.startswith("analytic")),
                 **{"value of the axis": table[axis], unit: table[column].where(~table["failed"])},
                 panel=quantity_name(axis),
                 series=model_name(column, end),
@@ -421,12 +445,16 @@ def _scattered(table: pd.DataFrame, axes: Sequence[str], quantity: str) -> Itera
             for column in columns
         ]
         data = pd.concat(parts, ignore_index=True)
-        look = Look(line=False, shared=False, guides=bands(5, 10) if unit != label else ())
+        look = Look(line=False, shared=False, guides=SHADES if unit != label else ())
         caption = f"Each of the {len(solved)} points is one case; every panel shows the same cases over another axis."
         title = f"{_capital(in_words(unit))} of the sampled cases"
-        if not data["failed"].any():
-            data = data.drop(columns="failed")
-        yield figures.plot(title, caption, data, "value of the axis", unit, look)
+        notes = _marked(table, data, error=unit != label, maps=False)
+        notes += ["Shades: errors within 5 and 10 %."] if unit != label else []
+        if unit != label:
+            caption += " " + " ".join(_share(solved, column, model_name(column, end)) for column in columns)
+        data = data.drop(columns=[name for name in ("failed", "open") if not data[name].any()])
+        figure = figures.plot(title, caption, data, "value of the axis", unit, look)
+        yield replace(figure, notes=(*figure.notes, *notes))
     pair = by_effect(errors[0])[:2] if errors else []
     for column in errors if len(pair) == 2 else []:
         cells = pd.DataFrame({quantity_name(a): solved[a] for a in pair} | {"error (%)": solved[column]})
