@@ -112,10 +112,11 @@ def answer(
     cases : a row for each case, any number of them. Columns are fields of the design (`D_mm`, `L_mm`, `f_mm`,
         `E_MPa`, `nu`, ...), of the load (`depth_mm`, `shear_mm`, `shear_y_mm`, `plate_tilt_deg`, `grip_mm`,
         `friction`, `imperfection_N`, `frequency_Hz`, `speed_mm_per_s`; NaN as `grip_mm` means no grip) and `magnet`
-        (rigid, or ignored: silicone, for all models), with the names that `magtip sweep` writes; `depth_mm` or
-        `grip_mm` must be there unless only critical depths, or modes of the unloaded sensor, are asked for. A million
-        rows take seconds if they share a few thousand stored problems, some seven minutes if the mechanics of all
-        differ. A cell that is no number, or out of its field's bounds, makes its row a bad_input.
+        (rigid, or ignored: silicone, for all models), with the names that `magtip sweep` writes; lengths also over D
+        (`L_over_D`, `depth_over_D`). A depth or a grip must be there unless only critical depths, or modes of the
+        unloaded sensor, are asked for. A million rows take seconds if they share a few thousand stored problems, some
+        seven minutes if the mechanics of all differ. A cell that is no number, or out of its field's bounds, makes
+        its row a bad_input.
     models : names of models: `fem` (accuracy standard), `fem:quick`, `fem:fine`, `fem:half-quick` and so on;
         `tolerance:2%` (for each case the cheapest model that is known to meet it); `surrogate`; levels of the
         formulas: paper, column, tip, magnet, finite; or a `FemModel` with an accuracy and a name of its own.
@@ -162,9 +163,10 @@ def answer(
 
 def _fields(cases: pd.DataFrame, *, needs_load: bool) -> tuple[dict[str, Values], Values]:
     names = [_axis(str(column)) for column in cases.columns]
-    if twice := [name for name in dict.fromkeys(names) if names.count(name) > 1]:
+    plain = [study_input.field_of(name) for name in names]
+    if twice := [name for name in dict.fromkeys(plain) if plain.count(name) > 1]:
         raise BadInput(f"the column {study_input.column(twice[0])} stands twice in the cases: leave one of them out")
-    if not names or (needs_load and not {"depth", "grip"} & set(names)):
+    if not names or (needs_load and not {"depth", "grip"} & set(plain)):
         raise BadInput("the cases have neither depth_mm nor grip_mm: add the depth of the press in mm as a column")
     columns = [_cells(name, cases[column]) for name, column in zip(names, cases, strict=True)]
     refusals = zip(*(reasons for _, reasons in columns), strict=True)
@@ -183,7 +185,7 @@ def _plan(
     magnet: Magnet = "rigid" if base.shape.has_magnet else "ignored"
     truth = model_name(reference) if reference else ""
     plan = Plan(base, (factor,), {}, magnet, fem, formulas, asked, truth)
-    readings = base.shape.has_magnet or {"magnet_diameter", "magnet_height"} & set(factor.names)
+    readings = base.shape.has_magnet or {"magnet_diameter", "magnet_height"} & set(plan.fields)
     plan = completed(plan, [name for name in DEFAULT_QUANTITIES if name != "readings" or readings])
     if reference and plan.truth not in names:
         raise BadInput(f"the reference {reference!r} is not among the models: add it to them")

@@ -277,6 +277,19 @@ def test_errors_of_a_picture_are_those_of_the_table():
     assert "67 % of the cases are within 10 %" in error.caption
 
 
+def test_lengths_over_D_are_axes_of_pictures():
+    """Where D is the same for all beams, marks of lengths have L/D behind them."""
+    axes = {"L_over_D": [1.0, 2.0], "depth_over_D": [0.1, 0.2]}
+    whole = table(axes, fem_force_N=lambda L, d: L * d)
+    whole.insert(0, "L_mm", 8 * whole["L_over_D"])
+    (figure,) = sweep_figures.sweep(whole)
+    assert figure.title == "Press force over depth/D"
+    assert set(figure.data["series"]) == {"L/D = 1", "L/D = 2"}
+    whole = table({"D_mm": [8.0], "L_mm": [8.0, 16.0], "depth_mm": [0.5, 1.0]}, fem_force_N=lambda D, L, d: L * d)
+    (figure,) = sweep_figures.sweep(whole)
+    assert set(figure.data["series"]) == {"L = 8 mm (L/D = 1)", "L = 16 mm (L/D = 2)"}
+
+
 def test_unstable_states_are_open_and_do_not_count():
     forces = {"fem_force_N": lambda L, d: L * d, "analytic_force_N": lambda L, d: L * d}
     whole = table(

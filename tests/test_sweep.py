@@ -83,6 +83,32 @@ def test_similar_designs_have_the_answers_of_their_own_solves(traced):
     assert one["fem_force_N"] * 2.5 * 4 == pytest.approx(own.force[2], rel=1e-9)
 
 
+def test_lengths_over_D_are_axes(traced):
+    rows = run(BARE, {"D": [4.0, 8.0], "L/D": [1.125], "depth/D": [0.05, 0.3]}, magnet="ignored", formulas=())
+    assert len(traced) == 1
+    assert [(row["L_over_D"], row["L_mm"]) for row in rows] == [(1.125, 4.5)] * 2 + [(1.125, 9.0)] * 2
+    assert [(row["depth_over_D"], row["depth_mm"]) for row in rows[2:]] == [(0.05, 0.4), (0.3, 2.4)]
+    assert rows[3]["fem_force_N"] == pytest.approx(4 * rows[1]["fem_force_N"], rel=1e-9)
+    plan = plan_of(BARE, {"shear/D": [0.1]}, {"depth": 0.5})
+    assert plan.loads_sideways
+    axes = [name for name, _ in idle_axes(rows, plan_of(BARE, {"D": [4.0, 8.0], "L/D": [1.125]}), whole=True)]
+    assert axes == []
+
+
+def test_many_messages_are_a_table():
+    plan = asked_plan(None, asked(["D=6,8"], depth=0.3))
+    shown = Shown(plan)
+    rows = [
+        {"D_mm": float(k), "status": "ok", "fem_status": "ok", "fem_force_N": 1.0, "message": f"said {k}"}
+        for k in range(9)
+    ]
+    shown.rows, shown.count = rows, len(rows)
+    _, messages = shown.result().shown
+    assert messages.rows[8] == ("D 8 mm", "said 8")
+    shown.rows = rows[:3]
+    assert shown.result().shown[1:] == ["D 0 mm: said 0", "D 1 mm: said 1", "D 2 mm: said 2"]
+
+
 def test_E_and_f_need_one_solve_and_the_figures_follow_them(traced):
     rows = run(paper(), {"E": [0.5, 2.0], "f": [5.0, 6.0]}, {"depth": 1.0})
     assert len(traced) == 1
@@ -409,6 +435,9 @@ def test_models_are_ordered_from_coarse_to_fine():
     [
         (asked(), ["a sweep needs at least one axis"]),
         (asked(["D=8"]), ["a sweep needs a depth"]),
+        (asked(["depth/D=0.1"], depth=1.0), ["depth is given twice"]),
+        (asked(["L=8,9", "L/D=1,2"], depth=1.0), ["L is given twice, as axes L and L/D"]),
+        (asked(["L/D=0,2"], depth=1.0), ["every value of axis L/D must be more than 0; got 0"]),
         (
             asked(["law=neo-hookean,yeoh"], depth=1.0),
             ["yeoh without its numbers", "set yeoh_2 or yeoh_3, or leave it out"],

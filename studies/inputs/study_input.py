@@ -5,7 +5,8 @@ Input that cannot be used raises a `BadInput` here, whose message is one sentenc
 A study file of version 2 has these keys; all but `axes`, `zipped` and `sample` (one of them is needed) are optional.
 Files of version 1 have the same keys except `load`, `zipped`, `sample`, `models` and `quantities`.
 An axis is a field of `Design`, `magnet` (rigid or ignored), or a field of the load as the options of `magtip solve`
-name it. Its values are a list, `lin:START:STOP:COUNT` or `log:START:STOP:COUNT`; in a file also
+name it; lengths may be given over the diameter, such as "L/D" and "depth/D". Its values are a list,
+`lin:START:STOP:COUNT` or `log:START:STOP:COUNT`; in a file also
 `{ linspace = [start, stop, count] }` and `{ logspace = [start, stop, count] }`.
 
     version = 2                          # of this format
@@ -108,7 +109,13 @@ LOAD = {
 and speed say how fast the plate moves (`studies.mechanics.timed_quantities`)."""
 METHOD = {"magnet": Quantity("1", names=("rigid", "ignored"), is_number=False)}
 """Choices of the finite elements that can vary. Models are no axis: a study sets them side by side in a row."""
-AXES = {**DESIGN, **LOAD, **METHOD}
+OVER_D = {
+    f"{name}/D": Quantity("1", 0.0 if field.low >= 0 else -math.inf, open_low=field.open_low or field.low > 0)
+    for name, field in {**DESIGN, **LOAD}.items()
+    if field.unit == "mm" and name != "D"
+}
+"""Lengths over the diameter of the beam, such as L/D and depth/D."""
+AXES = {**DESIGN, **LOAD, **METHOD, **OVER_D}
 """All axes by name."""
 COMMON = ("D", "L", "f", "E", "depth", "shear")
 """Axes that messages name as examples."""
@@ -119,11 +126,20 @@ UNITS = {"1": "", "V/T": "_V_per_T", "V/sqrt(Hz)": "_V_per_sqrtHz", "kg/m3": "_k
 def column(name: str) -> str:
     """Return the name of an axis' column, with its unit.
 
-    >>> column("D"), column("nu"), column("hall_gain"), column("plate_tilt")
-    ('D_mm', 'nu', 'hall_gain_V_per_T', 'plate_tilt_deg')
+    >>> column("D"), column("nu"), column("hall_gain"), column("plate_tilt"), column("L/D")
+    ('D_mm', 'nu', 'hall_gain_V_per_T', 'plate_tilt_deg', 'L_over_D')
     """
     unit = AXES[name].unit
-    return name + UNITS.get(unit, f"_{unit}")
+    return name.replace("/", "_over_") + UNITS.get(unit, f"_{unit}")
+
+
+def field_of(name: str) -> str:
+    """Return the field that an axis varies.
+
+    >>> field_of("L/D"), field_of("nu")
+    ('L', 'nu')
+    """
+    return name.removesuffix("/D")
 
 
 def check_name(name: str) -> None:

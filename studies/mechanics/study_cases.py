@@ -96,6 +96,11 @@ class Plan:
         return tuple(name for factor in self.factors for name in factor.names)
 
     @property
+    def fields(self) -> tuple[str, ...]:
+        """Fields that vary, an axis over D among them by its length."""
+        return tuple(study_input.field_of(name) for name in self.axes)
+
+    @property
     def count(self) -> int:
         """Number of cases."""
         return math.prod(factor.count for factor in self.factors)
@@ -124,14 +129,14 @@ class Plan:
     def loads_sideways(self) -> bool:
         """Whether any case may have forces or shifts sideways."""
         names = ("shear", "shear_y", "plate_tilt", "imperfection")
-        return any(self.load.get(name) or name in self.axes for name in names)
+        return any(self.load.get(name) or name in self.fields for name in names)
 
     def idle(self, kind: str) -> frozenset[str]:
         """Return the axes on which "sensors" or "problems" do not depend."""
         force = bool(self.load.get("imperfection")) or "imperfection" in self.axes
         own_E = kind == "problems" and (force or self.depends_on_time)
         idle = self.reading_fields if kind == "problems" else frozenset(LOAD)
-        return idle if own_E else idle | {"E"}
+        return (idle if own_E else idle | {"E"}) | {f"{name}/D" for name in idle}
 
     def matters(self, kind: str) -> tuple[int, ...]:
         """Return the indices of the factors on which "sensors" or "problems" depend."""
@@ -226,6 +231,9 @@ class Cases:
             for factor, columns, point in zip(plan.factors, self._values, points, strict=True)
             for name, values in zip(factor.names, columns, strict=True)
         }
+        D = axes.get("D", plan.design.D)
+        # 0.3 times 8 is 2.4000000000000004
+        axes |= {study_input.field_of(n): np.round(axes[n] * D, 12) for n in plan.axes if n in study_input.OVER_D}
         sensor_codes, sensor_first, sensor = self._distinct("sensors", points)
         codes, problem_first, problem = self._distinct("problems", points)
         sensors = [

@@ -181,15 +181,23 @@ def stream(
 def remarks(
     records: Sequence[Mapping[str, Any]], keys: Iterable[str], among: Sequence[Mapping[str, Any]] = ()
 ) -> list[str]:
-    """Return each message once, after the values that identify its records.
+    """Return each message once, after the values that identify its records; see `messages`.
+
+    >>> remarks([{"depth_mm": 1.0}, {"depth_mm": 2.0, "message": "buckles"}], ["depth_mm"])
+    ['depth 2 mm: buckles']
+    """
+    return [f"{place}: {message}" for place, message in messages(records, keys, among)]
+
+
+def messages(
+    records: Sequence[Mapping[str, Any]], keys: Iterable[str], among: Sequence[Mapping[str, Any]] = ()
+) -> list[tuple[str, str]]:
+    """Return the values that identify the records of each message, and the message.
 
     Parameters
     ----------
     keys : keys that may identify a record; those that vary in the table are used.
     among : all records of the table; default: `records` is the whole table.
-
-    >>> remarks([{"depth_mm": 1.0}, {"depth_mm": 2.0, "message": "buckles"}], ["depth_mm"])
-    ['depth 2 mm: buckles']
     """
     whole = among or records
     present = [key for key in keys if any(key in record for record in whole)]
@@ -198,7 +206,7 @@ def remarks(
     for record in records:
         if record.get("message"):
             by_message.setdefault(record["message"], []).append(record)
-    return [f"{_places(group, varying)}: {message}" for message, group in by_message.items()]
+    return [(_places(group, varying), message) for message, group in by_message.items()]
 
 
 def _places(records: Sequence[Mapping[str, Any]], keys: Sequence[str]) -> str:

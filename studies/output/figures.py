@@ -222,8 +222,13 @@ def heat(
         layers.append(base.transform_filter("datum.failed").mark_rect(color="#bbbbbb"))
         layers.append(base.transform_filter("datum.failed").mark_text(text="\u00d7", style="label", aria=False))
     if "doubted" in data:
-        dots = base.transform_filter("datum.doubted").mark_circle(size=9, opacity=1, aria=False)
-        layers.append(dots.encode(color=alt.value("#1b1f24")))
+        # in a corner of the cell, beside its number
+        dots = base.transform_filter("datum.doubted").mark_circle(
+            size=16, opacity=1, stroke="white", strokeWidth=0.8, aria=False
+        )
+        corner = {"x": alt.X(**_cell_axis(data, x), bandPosition=0.9)}
+        corner["y"] = alt.Y(**_cell_axis(data, y, "descending"), bandPosition=0.2)
+        layers.append(dots.encode(color=alt.value("#1b1f24"), **corner))
     if not colours and width >= (32 if edges else 44) * wide and height >= 14 * high:
         # both ends of the classes are dark, and the lower half of the gradual colours
         if edges:
@@ -490,16 +495,6 @@ def _marks(base: Any, data: pd.DataFrame, axes: tuple[str, str], look: Look) -> 
         line = drawn.transform_filter("datum.joined") if "joined" in data else drawn
         order = {"order": alt.Order("order:Q")} if look.ordered else {}
         layers.append(line.mark_line(clip=True).encode(**colour, **dashes, **order))
-    columns = ["panel", "point", "series", "model", x, y, "low", "high"]
-    tooltip = _tooltip(data, [name for name in columns if name in data])
-    points = drawn.transform_filter("!datum.joined") if "joined" in data else drawn
-    visible = few or "joined" in data
-    filled = points.transform_filter("!datum.open") if "open" in data else points
-    layers.append(filled.mark_point(opacity=1 if visible else 0).encode(tooltip=tooltip, **colour, **shape))
-    if "open" in data:
-        # the legend shows the marks of the first layer
-        empty = points.transform_filter("datum.open").mark_point(filled=False, fill="white", strokeWidth=1.6)
-        layers.append(empty.encode(tooltip=tooltip, **colour, **shape))
     if "limit" in data:
         ends = (
             alt.Chart()
@@ -511,6 +506,16 @@ def _marks(base: Any, data: pd.DataFrame, axes: tuple[str, str], look: Look) -> 
                 x=alt.X("limit:Q", title=x), **colour
             )
         )
+    columns = ["panel", "point", "series", "model", x, y, "low", "high"]
+    tooltip = _tooltip(data, [name for name in columns if name in data])
+    points = drawn.transform_filter("!datum.joined") if "joined" in data else drawn
+    visible = few or "joined" in data
+    filled = points.transform_filter("!datum.open") if "open" in data else points
+    layers.append(filled.mark_point(opacity=1 if visible else 0).encode(tooltip=tooltip, **colour, **shape))
+    if "open" in data:
+        # the legend shows the marks of the first layer
+        empty = points.transform_filter("datum.open").mark_point(filled=False, fill="white", strokeWidth=1.6)
+        layers.append(empty.encode(tooltip=tooltip, **colour, **shape))
     if "label" in data and len(data) <= MOST_LABELS:
         layers.append(drawn.mark_text(dx=9, align="left", style="label", aria=False).encode(text="label:N"))
     if "failed" in data:

@@ -234,10 +234,10 @@ def heading(key: str) -> tuple[str, str]:
 def in_words(key: str) -> str:
     """Return a key without its unit as words; a frequency at its end has its unit.
 
-    >>> in_words("relative_at_600")
-    'relative at 600 Hz'
+    >>> in_words("relative_at_600"), in_words("magnet_height_over_D")
+    ('relative at 600 Hz', 'magnet height/D')
     """
-    words = key.replace("_", " ")
+    words = (key.removesuffix("_over_D") + "/D" if key.endswith("_over_D") else key).replace("_", " ")
     return f"{words} Hz" if key.rpartition("_at_")[2].isdigit() else words
 
 

@@ -175,7 +175,7 @@ class Rows:
             table |= self._decoded(batch, results)
         for name, answers in solved.others.items():
             table |= OTHERS[name](plan, batch, answers)
-        if "l0" not in plan.axes:
+        if "l0" not in plan.fields:
             table["l0_mm"] = _of_sensors(batch, lambda design: design.l0)
         table |= self._estimates(batch, solved) | self._verdict(batch, solved, states)
         if self.plan.truth and self.plan.loads_sideways and len(results) > 1:
@@ -200,7 +200,7 @@ class Rows:
         fixed |= {"depth": self.plan.load.get("depth", 0.0)}
         fixed |= {name: value for name, value in self.plan.load.items() if name != "depth"}
         table: Columns = {}
-        for name in dict.fromkeys((*FIRST_AXES, *self.plan.axes, *fixed)):
+        for name in dict.fromkeys((*FIRST_AXES, *self.plan.fields, *self.plan.axes, *fixed)):
             values = batch.axes[name] if name in batch.axes else np.full(n, fixed[name])
             table[study_input.column(name)] = _as_column(values)
         return table
@@ -262,7 +262,7 @@ class Rows:
         rows = [self._state(solved, states, k, problem) for k, problem in enumerate(batch.problems)]
         table["status"] = _texts(batch, [status for status, _ in rows])
         table["message"] = _texts(batch, [message for _, message in rows])
-        read = "readings" in self.plan.quantities and {"magnet_diameter", "magnet_height"} & set(self.plan.axes)
+        read = "readings" in self.plan.quantities and {"magnet_diameter", "magnet_height"} & set(self.plan.fields)
         for k, design in enumerate(batch.sensors):
             if design is None:
                 rows_of = (batch.sensor == k) & (table["status"] != "bad_input")

@@ -41,7 +41,7 @@ from studies.mechanics.study_cases import (
 )
 from studies.output import atomic_files, console, table_files
 from studies.output.records import FlatRow
-from studies.output.result import Result, Table
+from studies.output.result import Result, Table, Texts
 from studies.sweeps.study_rows import Rows, Solved, flat_rows, status_columns
 
 if TYPE_CHECKING:
@@ -51,6 +51,8 @@ FILES = ("sweep.csv", "sweep.parquet", "sweep.png", "sweep-*.png")
 """Files that a sweep may write into its folder."""
 MOST_SHOWN = 1000
 """Largest number of rows of a table on the screen."""
+MOST_LISTED = 6
+"""Number of messages beyond which they are a table."""
 MOST_CASES = 100_000_000
 """Largest number of cases of a study; more are taken for a mistake."""
 BATCH = 8192
@@ -202,7 +204,7 @@ def plan_of(source: str | None, options: Sweep, sets: Sequence[str] = ()) -> Pla
     fem, formulas = _models(options, study)
     asked = study.quantities if options.quantities is None else _parts(options.quantities)
     quantities = study_input.checked_quantities(asked)
-    if study_input.needs_load(quantities) and not {"depth", "grip"} & {*names, *load}:
+    if study_input.needs_load(quantities) and not {"depth", "grip"} & {*map(study_input.field_of, names), *load}:
         raise BadInput("a sweep needs a depth: add --depth D in mm, or the axis depth=a,b,c")
     return completed(Plan(design, study.factors, load, magnet, fem, formulas, quantities))
 
@@ -228,6 +230,10 @@ def _study(source: str | None, options: Sweep) -> study_input.Study:
 
 def _check_twice(names: Sequence[str], options: Sweep, sets: Sequence[str], study: study_input.Study) -> None:
     load, given = study.load, [text.partition("=")[0].strip() for text in options.load or ()]
+    fields = [study_input.field_of(name) for name in names]
+    if twice := [name for name in fields if fields.count(name) > 1]:
+        raise BadInput(f"{twice[0]} is given twice, as axes {twice[0]} and {twice[0]}/D: leave one of them out")
+    names = fields
     for name, _, value in (text.partition("=") for text in sets):
         if name.strip() in names:
             raise BadInput(f"{name.strip()} is both an axis and set to {value.strip()}: leave one of them out")
@@ -319,7 +325,12 @@ class Shown:
             blocks = [f"{many}; --out FOLDER or --json has them, a table on the screen does not."]
         elif self.rows:
             answered = [row for row in self.rows if all(row[name] in ANSWERED for name in self.statuses)]
-            blocks = [table(self.rows, "Sweep", self.case), *console.remarks(answered, self.case, self.rows)]
+            said = console.messages(answered, self.case, self.rows)
+            blocks = [table(self.rows, "Sweep", self.case)]
+            if len(said) > MOST_LISTED:
+                blocks.append(Texts("Messages", ["cases", "message"], said))
+            else:
+                blocks += [f"{place}: {message}" for place, message in said]
         return Result(title="Sweep", records=[], shown=blocks)
 
     def remarks(self) -> list[str]:
@@ -333,7 +344,10 @@ class Shown:
             said.append(f"tolerance {percent(tolerance)}: {names} of {self.count} cases, {why}")
             if self.beyond:
                 said.append(f"{self.beyond} cases are not known to meet the tolerance: take a smaller one")
-        said += console.remarks(self.failures, self.case, self.rows)
+        reasons = console.remarks(self.failures, self.case, self.rows)
+        said += reasons[:MOST_LISTED]
+        if more := len(reasons) - MOST_LISTED:
+            said += [f"{more} further reasons are in the column message (--json, --out)"] if more > 0 else []
         if self.unstable:
             said.append(
                 f"{self.unstable} of {self.count} cases are unstable: their numbers are those of an equilibrium that "
@@ -386,7 +400,9 @@ def idle_axes(shown: Shown, *, whole: bool) -> list[tuple[str, str]]:
 
 
 def _idle(rows: Sequence[FlatRow], axes: Mapping[str, Sequence[str]], keys: Iterable[str]) -> list[str]:
-    own = {study_input.column(name) for names in axes.values() for name in names}
+    own = {
+        study_input.column(name) for names in axes.values() for name in (*names, *map(study_input.field_of, names))
+    }
     figures = [key for key in keys if key not in (*own, "solve", "seconds")]
     answered = [row for row in rows if row.get("status") in ANSWERED]
     idle = []

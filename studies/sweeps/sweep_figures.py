@@ -72,7 +72,9 @@ class View(NamedTuple):
 
 def sweep(table: pd.DataFrame, quantities: Sequence[str] = tuple(QUANTITIES)) -> list[Figure]:
     """Return the figures of rows of sweep.csv, those of a quantity and of its errors one after the other."""
-    table, notes = _grouped_axes(table)
+    over = {f"{name.removesuffix('_over_D')}_mm" for name in map(str, table.columns) if name.endswith("_over_D")}
+    # an axis over D stands for its length
+    table, notes = _grouped_axes(table.drop(columns=[name for name in over if name in table]))
     axes = axes_of(table)
     present = [quantity for quantity in quantities if models_of(table, quantity)]
     if not axes or not present or not len(table):
@@ -126,16 +128,23 @@ def model_name(column: str, end: str) -> str:
     return f"{base}, {'level ' if kind == 'analytic' else ''}{level}" if level else base
 
 
-def value_of(column: str, value: Any) -> str:
-    """Return a value of an axis with its name.
+def value_of(column: str, value: Any, D: float | None = None) -> str:
+    """Return a value of an axis with its name, of L and depth also over a diameter D, mm.
 
-    >>> value_of("L_mm", 9.0)
-    'L = 9 mm'
+    >>> value_of("L_mm", 9.0), value_of("L_mm", 9.0, 6.0), value_of("L_over_D", 1.5, 6.0)
+    ('L = 9 mm', 'L = 9 mm (L/D = 1.5)', 'L/D = 1.5')
     """
     if isinstance(value, str) and " = " in value:  # axes that vary together have their names in their values
         return value
     name, _, unit = quantity_name(column).partition(" (")
-    return f"{name} = {short(value)} {unit.rstrip(')')}".strip()
+    over = f" ({name}/D = {value / D:.3g})" if D is not None and column in ("L_mm", "depth_mm", "shear_mm") else ""
+    return f"{name} = {short(value)} {unit.rstrip(')')}".strip() + over
+
+
+def _diameter(table: pd.DataFrame) -> float | None:
+    """Return the diameter of all beams of a table, mm; None if it varies or is unknown."""
+    known = table["D_mm"].dropna().unique() if "D_mm" in table else []
+    return float(known[0]) if len(known) == 1 else None
 
 
 def log_spaced(values: Array) -> bool:
@@ -232,7 +241,7 @@ def view(table: pd.DataFrame, axes: Sequence[str], columns: Sequence[str]) -> Vi
     numbers = [axis for axis in names if table[axis].dtype.kind in "fiu"] or names
     long = [axis for axis in numbers if count[axis] > MOST_COLOURS]
     # the load's axes make curves that a reader knows; among equals the axis with the most values
-    x = min(long or numbers, key=lambda axis: (axis not in ("depth_mm", "shear_mm"), -count[axis]))
+    x = min(long or numbers, key=lambda axis: (axis.partition("_")[0] not in ("depth", "shear"), -count[axis]))
     second, *rest = [*sorted((axis for axis in names if axis != x), key=lambda axis: -count[axis]), ""]
     panels, folded = [axis for axis in rest if axis], list[str]()
     while math.prod(count[axis] for axis in panels) > MOST_PANELS:
@@ -306,8 +315,10 @@ def _drawn(
         low, high = groups["value"].min(), groups["value"].max()
         part = pd.DataFrame({label: high.where(high.abs() >= low.abs(), low), "low": low, "high": high})
         part["failed"], part["open"] = groups["failed"].any(), groups["open"].any()
-        if look.x == "depth_mm" and "critical_depth_mm" in table:
+        if look.x in ("depth_mm", "depth_over_D") and "critical_depth_mm" in table:
             part["limit"] = groups["critical_depth_mm"].min()
+            if look.x == "depth_over_D":
+                part["limit"] /= groups["D_mm"].min()
         long.append(part.reset_index().assign(model=name))
     # texts keep the order of the study
     rising = [axis for axis in keys if table[axis].dtype.kind in "fiu"]
@@ -318,11 +329,13 @@ def _drawn(
         values = _list([in_words(axis) for axis in look.folded])
         notes = [*notes, f"{_capital(in_words(label))} over all values of {values}: {how}."]
     notes = [*notes, *_marked(table, data, error=error, maps=look.maps)]
+    diameter = _diameter(table)
     flags = {name: data[name] for name in ("failed", "open") if data[name].any()}
     shown = pd.DataFrame({quantity_name(look.x): data[look.x], label: data[label], **flags})
     if look.panels:
         shown["panel"] = [
-            ", ".join(map(value_of, look.panels, row)) for row in zip(*(data[a] for a in look.panels), strict=True)
+            ", ".join(value_of(a, value, diameter) for a, value in zip(look.panels, row, strict=True))
+            for row in zip(*(data[a] for a in look.panels), strict=True)
         ]
     if look.maps:
         shown = shown.rename(columns={"open": "doubted"})
@@ -342,7 +355,7 @@ def _drawn(
             *(["Dotted lines across: depth at which the press buckles sideways."] if inside.any() else []),
         ]
     if look.second:
-        shown["series"] = [value_of(look.second, value) for value in data[look.second]]
+        shown["series"] = [value_of(look.second, value, diameter) for value in data[look.second]]
     if not look.second or len(styles) > 1:
         shown["model" if look.second else "series"] = data["model"]
     numeric = table[look.x].dtype.kind in "fiu"
@@ -529,7 +542,7 @@ class Collected:
         return files
 
     def _quantities(self, table: pd.DataFrame) -> list[str]:
-        sheared = self.plan.loads_sideways and ("shear" in self.plan.axes or bool(self.plan.load.get("shear")))
+        sheared = self.plan.loads_sideways and ("shear" in self.plan.fields or bool(self.plan.load.get("shear")))
         present = [name for name in QUANTITIES if models_of(table, name)]
         present.sort(key=lambda name: (sheared and name != "force_x_N", not name.startswith("force")))
         more = any(name in self.plan.quantities for name in KINDS)
