@@ -213,7 +213,7 @@ def test_the_tolerance_chooses_for_each_row(ask):
     [
         ({"depht_mm": [1]}, {}, "there is no field 'depht_mm' .* did you mean depth_mm"),
         ({"L_mm": [10]}, {}, "neither depth_mm nor grip_mm"),
-        ({"depth_mm": [1]}, {"models": "paper"}, "models must be a list of names; got 'paper'"),
+        ({"depth_mm": [1]}, {"models": "paper"}, r"models must be a list of names, such as \['paper'\]; got 'paper'"),
         ({"depth_mm": [1]}, {"models": ["fim"]}, "there is no model 'fim'"),
         ({"depth_mm": [1]}, {"models": ["fem", "fem:standard"]}, "given twice"),
         ({"depth_mm": [1]}, {"models": ["fem:quick", FemModel("quick", QUICK)]}, "two models have the name quick"),
