@@ -8,7 +8,8 @@ import pandas as pd
 import pytest
 
 from fem.accuracy import QUICK
-from studies.mechanics import prediction, surrogate_range
+from geometry.bad_input import BadInput
+from studies.mechanics import prediction, surrogate_file, surrogate_range
 from studies.mechanics.prediction import Beams
 from studies.mechanics.surrogate_file import GaussianProcess
 from studies.output.goals import missed
@@ -45,7 +46,7 @@ def result(tmp_path_factory):
 def test_training_has_the_beams_of_the_rounds_and_gets_back_their_own_states(result):
     """Within the noise of rough meshes, up to a nugget of 1e-2."""
     b, press = result.training.beams, result.training.press
-    assert len(b) + result.failed == 13
+    assert len(b) + result.failed[0] == 13
     assert len(result.test[0].beams) + result.test[2] == 6
     assert result.surrogate.about["accuracy"] == "rough"
     predicted = Beams(b.L, b.diameter, b.height, b.nu, b.edge, result.surrogate).press(press["depth"])
@@ -92,9 +93,10 @@ def row(**changes):
 
 
 def judged(rows, failed=0, *, absent=False):
-    """The missed goals, if asked with those of regions without a beam."""
+    """The missed goals, if asked with those of regions and quantities without a beam, and of the number of beams."""
     table = surrogate_study.summaries(pd.DataFrame(rows))
-    return [str(goal) for goal in missed(surrogate_study.goals(table, failed)) if goal.count or absent]
+    lost = missed(surrogate_study.goals(table, failed))
+    return [str(goal) for goal in lost if absent or (goal.count and not goal.name.startswith("tests that"))]
 
 
 def test_goals_are_judged_by_percentile_and_covered_beams_region_by_region():
@@ -116,6 +118,20 @@ def test_goals_are_judged_by_percentile_and_covered_beams_region_by_region():
     )
     assert any("slender, thin magnet: beams that the intervals hold: 0 %" in one for one in lost)
     assert not any(", all: beams" in one for one in lost)
+
+
+def test_a_quantity_without_a_state_misses_its_goals_and_a_test_of_few_beams_has_no_power():
+    good = [row(beam=k, L_over_D=1.0, error_percent=1.0, interval_percent=2.0) for k in range(180)]
+    lost = judged(good, absent=True)
+    assert "critical depth, depth, all: beams that the intervals hold: no data, goal at least 90 %" in lost
+    assert "shear, tilt, all: 95th percentile of the errors: no data, goal at most 3 %" in lost
+    assert not any("tests that a coverage of 80% misses" in one for one in lost)
+    table = surrogate_study.summaries(pd.DataFrame(good[:120]))
+    few = [str(goal) for goal in missed(surrogate_study.goals(table, 0, lost=2))]
+    assert "tests that a coverage of 80% misses: 78.5 %, goal at least 90 %" in few
+    assert "beams left out of the calibration because a state failed: 2, goal at most 0" in few
+    # a quick run judges no single region
+    assert not any("slender" in goal.name for goal in surrogate_study.goals(table, 0, 0, surrogate_study.ALL))
 
 
 @pytest.mark.parametrize("unknown", ["error_percent", "interval_percent", "fem_error_percent"])
@@ -145,9 +161,46 @@ def test_a_beam_has_one_score_and_regions_their_own_intervals(result):
     scaled = recalibrated(result.surrogate, pd.DataFrame(short + slender + large))
     before, after = (s.groups["press"].quantiles for s in (result.surrogate, scaled))
     ratio = after["force"] / before["force"]
-    assert ratio[0] == pytest.approx([5.0] * 4 + [1.0] * 4)
+    assert ratio[0] == pytest.approx(5.0)
     assert ratio[1] == pytest.approx(2.0)
     assert np.array_equal(after["shift"], before["shift"])
+
+
+def test_nine_beams_of_ten_are_covered_at_light_and_deep_presses_together():
+    """Errors of light and of deep presses are independent: two quantiles of 90 % would hold both in 81 %."""
+    error = np.abs(np.random.default_rng(4).normal(size=(2, 2000, 2)))
+    rows = [
+        row(beam=k, L_over_D=1.0, depth_over_D=depth, error_percent=error[0, k, j], interval_percent=1.0)
+        for k in range(2000)
+        for j, depth in enumerate((0.02, 0.3))
+    ]
+    before = surrogate_file.shipped()
+    scaled = recalibrated(before, pd.DataFrame(rows))
+    ratio = scaled.groups["press"].quantiles["force"] / before.groups["press"].quantiles["force"]
+    at_ends = ratio[0, [0, -1]] if prediction.root_shares()[0] < 0.5 else ratio[0, [-1, 0]]
+    covered = (error[1] <= at_ends).all(axis=1).mean()
+    assert covered == pytest.approx(0.9, abs=0.03)
+
+
+def test_a_surrogate_that_was_trained_before_keeps_its_values_and_gets_new_intervals(result, tmp_path, monkeypatch):
+    """Whatever presses were calibrated to before."""
+    b = result.test[0].beams
+    groups = result.surrogate.groups
+    odd = {name: own * np.linspace(1, 9, own.shape[1]) for name, own in groups["press"].quantiles.items()}
+    before = replace(result.surrogate, groups={**groups, "press": replace(groups["press"], quantiles=odd)})
+    monkeypatch.setattr(surrogate_study, "unseen", lambda *_: result.test)
+    again = surrogate_study.build(EXTENT, {}, before)
+    depth = 0.5 * surrogate_range.deepest(b.L, b.diameter, b.height)[:, None]
+    one, two = (
+        Beams(b.L, b.diameter, b.height, b.nu, b.edge, s).press(depth) for s in (result.surrogate, again.surrogate)
+    )
+    for name, quantity in one.items():
+        assert np.array_equal(quantity.value, two[name].value)
+        assert quantity.half_width == pytest.approx(two[name].half_width)
+    assert again.training is None
+    assert "intervals alone are new" in surrogate_study.result(again, 13).pages["SURROGATE.md"]
+    with pytest.raises(BadInput, match="--trained has accuracy rough, and this run calibrates by quick"):
+        surrogate_study.build(EXTENT._replace(accuracy=QUICK), {}, before)
 
 
 # Beams of training and of the test

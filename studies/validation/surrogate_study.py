@@ -13,7 +13,7 @@ covered if the intervals of all of its states hold it.
 import itertools
 import tempfile
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -25,11 +25,12 @@ from scipy import linalg, stats
 
 from fem.accuracy import QUICK, STANDARD, Accuracy, coarser
 from geometry.arrays import Array
+from geometry.bad_input import BadInput
 from geometry.messages import Progress
 from studies.cases import FiniteElements
 from studies.inputs.option_groups import Whole
 from studies.mechanics import prediction, surrogate_file, surrogate_range
-from studies.mechanics.prediction import CRITICAL, DEEP, SLENDER, THICK, WIDE, Quantity
+from studies.mechanics.prediction import CRITICAL, DEEP, PRESS, SHEAR, SLENDER, STRAIN, THICK, WIDE, Quantity
 from studies.mechanics.surrogate_file import GaussianProcess, Group, Surrogate, correlation
 from studies.output.figures import Figure, Look, plot, save
 from studies.output.goals import Goal
@@ -58,14 +59,14 @@ class Extent(NamedTuple):
     first: int = 200
     rounds: tuple[int, ...] = (80, 80, 80)
     calibration: int = 24
-    test: int = 20
+    test: int = 30
     critical: int = 10
     accuracy: Accuracy = STANDARD
     seed: int = 1
 
 
 FEW = Extent(first=48, rounds=(8,), calibration=2, test=2, critical=1, accuracy=QUICK)
-"""A study of some minutes, whose surrogate has errors of 10 %."""
+"""A study of some minutes, whose surrogate has errors of 10 %, and too few beams for goals of single regions."""
 
 
 Unseen = tuple[TrainingSet, States, int]
@@ -73,12 +74,15 @@ Unseen = tuple[TrainingSet, States, int]
 
 
 class Outcome(NamedTuple):
-    """The surrogate, its training set, and the test; `failed` are the training beams that are left out."""
+    """The surrogate, its training set (None if it was trained before), and the test.
+
+    `failed` are the beams that are left out of training and calibration because a state failed.
+    """
 
     surrogate: Surrogate
-    training: TrainingSet
+    training: TrainingSet | None
     test: Unseen
-    failed: int
+    failed: tuple[int, int]
 
     def errors(self) -> pd.DataFrame:
         unseen, critical, _ = self.test
@@ -86,23 +90,42 @@ class Outcome(NamedTuple):
         return pd.concat(tables, ignore_index=True)
 
 
-def build(extent: Extent, options: Mapping[str, Any]) -> Outcome:
-    """Build and test a surrogate; `options` say where `cases.answer` solves and stores."""
+def build(extent: Extent, options: Mapping[str, Any], trained: Surrogate | None = None) -> Outcome:
+    """Build and test a surrogate; `options` say where `cases.answer` solves and stores.
+
+    `trained` : surrogate whose training is kept; its intervals alone are new.
+    """
     fem = FiniteElements(extent.accuracy, options)
+    complete, failed = None, 0
+    if trained is None:
+        states = _training(fem, extent)
+        complete = states.complete()
+        failed = len(states.beams) - len(complete.beams)
+        about = {"accuracy": fem.accuracy.name, "beams": len(complete.beams)}
+        trained = training.surrogate_of(complete, about)
+    elif (level := trained.about["accuracy"]) != fem.accuracy.name:
+        raise BadInput(
+            f"--trained has accuracy {level}, and this run calibrates by {fem.accuracy.name}: give another"
+        )
+    else:
+        trained = training.uncalibrated(trained)
+    seen, critical, lost = unseen(fem, extent.calibration, extent.critical, extent.seed + CALIBRATION)
+    test = unseen(fem, extent.test, extent.critical, extent.seed + 1)
+    about = dict(trained.about) | {"calibration_beams": len(seen.beams), "test_beams": len(test[0].beams)}
+    surrogate = replace(trained, about=about | {"versions": versions()})
+    surrogate = recalibrated(surrogate, errors(surrogate, seen))
+    # the half widths of critical depths follow those of the sideways stiffness
+    surrogate = recalibrated(surrogate, critical_errors(surrogate, seen, critical))
+    return Outcome(surrogate, complete, test, (failed, lost))
+
+
+def _training(fem: FiniteElements, extent: Extent) -> TrainingSet:
     states = training_states(fem, training.training_beams(extent.first, extent.seed))
     for k, count in enumerate(extent.rounds):
         surrogate = training.surrogate_of(states.complete(), {})
         more = widest(surrogate, training.random_beams(POOL, extent.seed + 2 + k), count)
         states = states.joined(training_states(fem, more))
-    complete = states.complete()
-    seen, critical, _ = unseen(fem, extent.calibration, extent.critical, extent.seed + CALIBRATION)
-    test = unseen(fem, extent.test, extent.critical, extent.seed + 1)
-    about = {"accuracy": fem.accuracy.name, "beams": len(complete.beams), "calibration_beams": len(seen.beams)}
-    surrogate = training.surrogate_of(complete, about | {"test_beams": len(test[0].beams), "versions": versions()})
-    surrogate = recalibrated(surrogate, errors(surrogate, seen))
-    # the half widths of critical depths follow those of the sideways stiffness
-    surrogate = recalibrated(surrogate, critical_errors(surrogate, seen, critical))
-    return Outcome(surrogate, complete, test, len(states.beams) - len(complete.beams))
+    return states
 
 
 def training_states(fem: FiniteElements, beams: Beams) -> TrainingSet:
@@ -190,8 +213,6 @@ def widest_points(process: GaussianProcess, points: Array, weight: Array, count:
 # Errors in states, and the scaling of the intervals to them
 
 BEAM = ("L_over_D", "magnet_diameter_over_D", "magnet_height_over_D")
-HALF = 0.5
-"""Share of the range of the depths, in their roots, beyond which a press is deep."""
 
 
 def scores(rows: pd.DataFrame) -> Array:
@@ -245,7 +266,7 @@ def _predicted(surrogate: Surrogate, b: Beams) -> prediction.Beams:
 def recalibrated(surrogate: Surrogate, rows: pd.DataFrame) -> Surrogate:
     """Return the surrogate with intervals scaled to the errors of random beams, by quantity and region.
 
-    The intervals of presses are scaled apart in light and in deep ones.
+    A beam has one score, the largest one of its states, so that its intervals hold in all of them or count as lost.
     """
     kinds = dict.fromkeys(surrogate.groups, "press") | {"mode": "mode"}
     kinds |= dict.fromkeys(("shear", "shear_skin"), "shear")
@@ -258,18 +279,9 @@ def _scaled(group: Group, kind: str, rows: pd.DataFrame) -> Group:
     for name, values in group.quantiles.items():
         wanted = ("critical depth", "depth") if name == CRITICAL else (kind, name)
         own = rows[(rows.kind == wanted[0]) & (rows.quantity == wanted[1])]
-        if own.empty:
-            quantiles[name] = values
-        elif wanted[0] == "press":
-            # light and deep presses apart: the error of a light one is that of the contact's mesh
-            low = np.sqrt(surrogate_range.SHALLOWEST)
-            high = np.sqrt(surrogate_range.deepest(*(own[name].to_numpy() for name in BEAM)))
-            deep = (np.sqrt(own.depth_over_D.to_numpy()) - low) / (high - low) > HALF
-            factors = [_factors(own[part]) for part in (~deep, deep)]
-            quantiles[name] = values * np.where(prediction.root_shares() > HALF, factors[1], factors[0])
-        else:
-            # the quantiles of shears have the regions twice: above light and above deep presses
-            quantiles[name] = values * np.tile(_factors(own), (len(values) // prediction.REGIONS, 1))
+        # the quantiles of shears have the regions twice: above light and above deep presses
+        scale = 1.0 if own.empty else np.tile(_factors(own), (len(values) // prediction.REGIONS, 1))
+        quantiles[name] = values * scale
     return replace(group, quantiles=quantiles)
 
 
@@ -315,9 +327,18 @@ def _rows(
 
 GOALS = {"force": 2.0, "force_x": 2.0, "force_z": 2.0, "tilt": 3.0}
 """Largest 95th percentile of the errors, %, of presses and shears."""
-DOUBT = 0.01
+QUANTITIES = (
+    *(("press", name) for name in (*PRESS, *STRAIN)),
+    *(("shear", name) for name in SHEAR),
+    ("mode", "frequency"),
+    ("critical depth", "depth"),
+)
+"""Kinds and quantities that are judged, also where no state has one."""
+DOUBT, WORSE, POWER = 0.01, 0.8, 90.0
 """Probability that so few beams are covered as a goal refuses, if nine of ten are: a goal for each quantity and group
-is refused by chance about once in as many goals as there are in a table."""
+is refused by chance about once in as many goals as there are in a table. The test is large enough if a coverage of
+WORSE, about that of intervals that are calibrated in two halves, misses the goal over all regions with a probability
+of POWER, %."""
 DEEPER = f"deep, depth above {DEEP:g} D"
 SLENDER_ONES, THIN_ONES = f"L_over_D > {SLENDER}", f"magnet_height_over_D <= {THICK}"
 WIDE_ONES = f"magnet_diameter_over_D > {WIDE} and {THIN_ONES}"
@@ -338,7 +359,8 @@ def summaries(rows: pd.DataFrame) -> list[Row]:
     """Return the statistics of each quantity in each region, over all first; NaN if any error is unknown.
 
     `covered_beams_percent` is the share of beams of which every interval holds the truth; its goal,
-    `least_covered_percent`, is the least share that is likely if nine of ten beams are covered.
+    `least_covered_percent`, is the least share that is likely if nine of ten beams are covered, and `power_percent`
+    the probability that a coverage of eight of ten misses it.
     """
     rows = rows.assign(size=rows.error_percent.abs(), covered=scores(rows) <= 1.0)
     tables = []
@@ -358,7 +380,8 @@ def summaries(rows: pd.DataFrame) -> list[Row]:
         covered = beams.groupby(["kind", "quantity"], sort=False).sum()
         table.insert(0, "region", region)
         least = [100 * least_covered(count) / count for count in table.beams]
-        tables.append(table.assign(covered_beams_percent=100 * covered / table.beams, least_covered_percent=least))
+        table = table.assign(covered_beams_percent=100 * covered / table.beams, least_covered_percent=least)
+        tables.append(table.assign(power_percent=[100 * power(count) for count in table.beams]))
     return pages.records(pd.concat(tables).reset_index())
 
 
@@ -371,22 +394,29 @@ def least_covered(count: int) -> int:
     return int(stats.binom.ppf(DOUBT, count, COVERAGE))
 
 
-def goals(table: Sequence[Row], failed: int) -> list[Goal]:
-    """Return the goals: no beam of the test is left out (`failed`); errors and coverage of each quantity and region.
+def power(count: int) -> float:
+    """Return the probability that a coverage of WORSE misses the goal of `count` beams.
 
-    A region without a beam has no data, and misses its goals.
+    >>> round(power(120), 3), round(power(180), 3)
+    (0.785, 0.922)
     """
+    return float(stats.binom.cdf(least_covered(count) - 1, count, WORSE))
+
+
+def goals(table: Sequence[Row], failed: int, lost: int = 0, regions: Iterable[str] = REGIONS) -> list[Goal]:
+    """Return the goals: number of beams, and errors and coverage of each quantity and region.
+
+    No beam of the test or of the calibration is left out (`failed`, `lost`), and the test has power. A quantity or a
+    region without a beam has no data, and misses its goals.
+    """
+    beams = max((row["beams"] for row in table), default=0)
     found = [
-        Goal(
-            "beams left out of the test because a state failed",
-            failed,
-            0,
-            failed + max((row["beams"] for row in table), default=0),
-        )
+        Goal("beams left out of the test because a state failed", failed, 0, failed + beams),
+        Goal("beams left out of the calibration because a state failed", lost, 0, lost + beams),
+        Goal(f"tests that a coverage of {WORSE:.0%} misses", 100 * power(beams), POWER, beams, "%", at_least=True),
     ]
     rows = {(row["region"], row["kind"], row["quantity"]): row for row in table}
-    quantities = dict.fromkeys((row["kind"], row["quantity"]) for row in table)
-    for region, (kind, quantity) in itertools.product(REGIONS, quantities):
+    for region, (kind, quantity) in itertools.product(regions, QUANTITIES):
         if region == DEEPER and kind not in ("press", "shear"):
             continue
         row = rows.get((region, kind, quantity), {"least_covered_percent": 100 * COVERAGE})
@@ -413,6 +443,8 @@ def designs_per_second(outcome: Outcome, count: int = 10_000) -> Mapping[str, fl
     return {"press": count / (press - begin), "press, shear, critical depth and mode": count / (end - begin)}
 
 
+ALL = ("all",)
+"""Regions whose goals are judged in a quick run, which has too few beams in the others."""
 FILES = ("SURROGATE.md", "surrogate.npz", "summary.csv", "errors.csv", "errors.png")
 
 
@@ -423,6 +455,7 @@ def run(
     store: Path | None = None,
     workers: Whole | None = None,
     scheduler: str | None = None,
+    trained: Path | None = None,
 ) -> Result:
     """Build the surrogate from finite elements, and test it on beams that it has not seen.
 
@@ -439,13 +472,16 @@ def run(
         Number of processes that solve; default: one for each core.
     scheduler
         Address of a Dask scheduler whose workers solve.
+    trained
+        File of a surrogate (surrogate.npz) whose training is kept; its intervals are calibrated and tested again.
     """
     extent = FEW if quick else Extent()
+    kept = None if trained is None else surrogate_file.read(trained)
     options = {"store": store, "workers": workers, "scheduler": scheduler, "progress": progress}
-    return result(build(extent, options), extent.first)
+    return result(build(extent, options, kept), extent.first, "quick" if quick else "full")
 
 
-def result(outcome: Outcome, first: int) -> Result:
+def result(outcome: Outcome, first: int, run: str = "full") -> Result:
     rows = outcome.errors()
     table = summaries(rows)
     columns = ("kind", "quantity", "region", "p95_percent", "covered_beams_percent", "least_covered_percent")
@@ -454,13 +490,15 @@ def result(outcome: Outcome, first: int) -> Result:
         surrogate_file.write(file, outcome.surrogate)
         size = file.stat().st_size / 1e6
     page = {"about": outcome.surrogate.about, "first": first, "table": table}
-    page["failed"] = outcome.failed, outcome.test[2]
+    page["failed"] = *outcome.failed, outcome.test[2]
+    page |= {"kept": outcome.training is None, "worse": 100 * WORSE}
     page |= {"size": size, "speed": designs_per_second(outcome)}
     files: Row = {"surrogate.npz": lambda path: surrogate_file.write(path, outcome.surrogate)}
     files["errors.png"] = lambda path: save(path, figures(rows))
     more: Row = {"tables": {"summary": table, "errors": pages.records(rows)}, "files": files}
-    posed, look = goals(table, outcome.test[2]), {"first": columns}
-    return pages.study("surrogate", "Errors on unseen beams", table, page, look=look, goals=posed, **more)
+    posed = goals(table, outcome.test[2], outcome.failed[1], ALL if run == "quick" else REGIONS)
+    more |= {"look": {"first": columns}, "run": run}
+    return pages.study("surrogate", "Errors on unseen beams", table, page, goals=posed, **more)
 
 
 EQUAL = "error = half width"
