@@ -7,8 +7,9 @@ import pandas as pd
 import pytest
 from stores import temporary
 
+from analytic.hall import readings
 from fem.accuracy import QUICK
-from fem.equilibrium import trace
+from fem.equilibrium import solve, trace
 from geometry.design import paper
 from geometry.loads import Load
 from studies.cases import FiniteElements
@@ -211,6 +212,27 @@ def test_a_strain_that_is_unknown_under_one_load_is_unknown():
             fem = Unknown(QUICK, {"store": memory, "workers": 0})
             found = with_solved_loads(point, dataclasses.replace(NEEDED, largest_strain=0.8), fem)
         assert (found.status, found.reason) == ("failed", "largest_strain is not known")
+
+
+def test_the_distance_from_the_rail_is_that_of_the_solved_state():
+    """A shear at 45 degrees has the same readings as the solve of the worst load along x."""
+    row = LOAD | {"figure": "saturation", "E_MPa": 0.7, "remanence_T": 1.3, "direction_deg": 45.0, "shear_mm": 0.6}
+    row |= {"force_z_N": 2.2, "force_x_N": 0.7}
+    point = dataclasses.replace(points([(10, 0.01, 20)])[0], variant=MADE, worst=[row])
+    with temporary() as memory:
+        found = with_solved_loads(point, NEEDED, FiniteElements(QUICK, {"store": memory, "workers": 0}))
+    (solved,) = found.worst
+    aside = solved["shear_mm"] * np.sqrt(0.5)
+    load = Load(solved["depth_mm"], aside, aside, friction="stick")
+    design = dataclasses.replace(MADE.design, E=0.7, remanence=1.3, hall_step=0.0)
+    response = solve(design, load, QUICK, model="harmonic").response
+    output = readings(design, response).output
+    distance = min(
+        min((design.hall_high - out) / (design.hall_high - design.hall_null) for out in output),
+        min((out - design.hall_low) / (design.hall_null - design.hall_low) for out in output),
+    )
+    assert solved["value"] / 100 == found.solved["saturation"] == pytest.approx(distance, abs=1e-6)
+    assert found.margins["no_saturation"] == found.solved["saturation"] != 1.0
 
 
 def row_of(result, name):

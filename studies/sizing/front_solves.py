@@ -10,8 +10,8 @@ of all three, so that no rank rests on less.
 The responses of the beams (`FemBeams`) have the form of the surrogate's. The paths of all beams are solved side by
 side by worker processes; their states land in the store, so that a command that was interrupted solves none of them
 again. NaN stands for a state that a solve did not reach. The worst loads of the best point are solved by themselves:
-their strain is no interpolation, and `magtip solve` prints it. Resolutions and distances from the rail are those of
-curves between the solved states.
+their strain and distance from the rail are no interpolation. Resolutions are slopes of curves between the solved
+states.
 """
 
 from __future__ import annotations
@@ -24,6 +24,8 @@ from typing import TYPE_CHECKING, Literal, cast
 
 import numpy as np
 
+from analytic.hall import batch_readings
+from analytic.parts import common_values
 from fem.scene import Model
 from geometry.arrays import Array, Ints
 from geometry.design import Design
@@ -310,7 +312,7 @@ def solve_line(row: FlatRow, accuracy: str, file: str = "winner.toml") -> str:
 
 
 def with_solved_loads(point: FrontPoint, needed: Requirements, fem: FiniteElements) -> FrontPoint:
-    """Return a point whose worst loads are solved by themselves, and its strain with its margin by these."""
+    """Return a point whose worst loads are solved by themselves, and strain and distance from the rail by these."""
     rows = [dict(row) for row in point.worst]
     design = point.variant.design
     groups: list[tuple[Model, list[FlatRow]]] = [
@@ -335,6 +337,8 @@ def with_solved_loads(point: FrontPoint, needed: Requirements, fem: FiniteElemen
             row["solved_force_x_N"] = float(answer.get("fem_force_x_N", 0.0))
             row["solved_depth_mm"], row["solved_shear_mm"] = row["depth_mm"], row["shear_mm"]
             row["message"] = answer["message"]
+            if row["figure"] == "saturation":
+                row["value"] = 100 * _rail_distance(design, row, answer)
             # a press grows like the power 1.5 of its depth, a shear in proportion
             row["depth_mm"] *= (row["force_z_N"] / row["solved_force_z_N"]) ** (2 / 3)
             if row["shear_mm"]:
@@ -345,9 +349,22 @@ def with_solved_loads(point: FrontPoint, needed: Requirements, fem: FiniteElemen
             row["value"] = row["strain_percent"]
     # NaN is the largest
     strain = float(np.max([row["strain_percent"] for row in rows])) / 100
-    values = point.solved | {"strain": strain}
+    rails = {row["figure"]: float(row["value"]) / 100 for row in rows if row["figure"] == "saturation"}
+    values = point.solved | {"strain": strain} | rails
     signed = margins({name: np.array([value]) for name, value in values.items()}, needed)
     return _judged(replace(point, solved=values, worst=rows, margins={n: float(v[0]) for n, v in signed.items()}))
+
+
+def _rail_distance(design: Design, row: FlatRow, answer: FlatRow) -> float:
+    """Return the least distance of an output from its rail in a solved state, over that in zero field."""
+    way = math.radians(row["direction_deg"])
+    e = np.array([math.cos(way), math.sin(way)])
+    aside, sinking, tilt = (answer.get(f"fem_{name}", 0.0) for name in ("shift_x_mm", "shift_z_mm", "tilt_rad"))
+    shift, turn = np.array([[*(aside * e), sinking]]), tilt * np.array([[-e[1], e[0]]])
+    strong = replace(design, E=row["E_MPa"], remanence=row["remanence_T"])
+    field = batch_readings([strong], np.zeros(1, dtype=np.int64), shift, turn).field_T[0]
+    gain, null, low, high, *_ = common_values(strong)
+    return float(np.minimum(1 - gain * field / (high - null), 1 + gain * field / (null - low)).min())
 
 
 def scores(F: Array, resolution: Array | float, needed: Requirements) -> tuple[Array, float]:
