@@ -85,6 +85,87 @@ def test_unknowns_scatter_as_their_covariance_says(simulated):
     assert 0.82 < inside < 0.97  # 0.9 of numbers that depend on each other
 
 
+def test_rows_never_make_a_sensor_less_known_than_its_parts(simulated):
+    sensor, shift, rng = simulated
+    un = sensor.unknowns
+    theta = un.mean + un.deviation * rng.normal(size=len(un.mean))
+    rows = rows_of(sensor, theta, shift[:12], rng, noise=20.0)
+    found = sensor_fit.fit(sensor, rows, np.zeros(12))
+    assert 150 < found.growth < 900
+    assert (found.deviation <= un.deviation).all()
+    assert (np.abs(found.theta - theta) < 4 * found.deviation).all()
+    # and noise of readings counts as much larger in the intervals, beside what the mechanics miss
+    none, at_rest = np.zeros_like(found.covariance), np.zeros((1, 3))
+    missed = np.square(np.array(sensor.mechanics.errors[:3])[[1, 1, 2]] / 2)
+    (wide,) = calibrated_forces.intervals(found, [none], at_rest, np.zeros(1))
+    (usual,) = calibrated_forces.intervals(dataclasses.replace(found, chi2=0.0), [none], at_rest, np.zeros(1))
+    squares = [np.square(half[0] / sensor_fit.QUANTILE) - missed for half in (wide, usual)]
+    assert squares[0] == pytest.approx(found.growth * squares[1], rel=1e-6)
+
+
+@pytest.mark.parametrize("name", ["modulus", "magnet_x", "place_S1_y", ""])
+def test_a_prior_that_is_three_tolerances_off_is_named(simulated, name):
+    sensor, shift, rng = simulated
+    un = sensor.unknowns
+    # parts beyond their tolerance are sorted out
+    theta = un.mean + un.deviation * np.clip(rng.normal(size=len(un.mean)), -2, 2)
+    if name:
+        k = un.names.index(name)
+        theta[k] = un.mean[k] + 6 * un.deviation[k]
+    found = sensor_fit.fit(sensor, rows_of(sensor, theta, shift, rng), np.zeros(len(shift)))
+    said = calibration_study.contradictions(found)
+    assert len(said) == bool(name)
+    if name:
+        assert f"contradict the priors of {name} by" in said[0]
+
+
+def test_an_upside_down_magnet_is_named_and_shrunk_forces_are_not(simulated):
+    sensor, shift, rng = simulated
+    rows = rows_of(sensor, sensor.unknowns.mean, shift[:16], rng)
+    upside_down, shuffled = rows.copy(), rows.copy()
+    nulls = np.array([element.null for element in parts.of_design(paper())])
+    upside_down[:, :3] = 2 * nulls - rows[:, :3]
+    hint, better = calibration_study.mistaken(sensor, upside_down, np.zeros(16), ("S1", "S2", "S3"))
+    assert hint.startswith("probably the magnet is upside down (set magnet_north to the other pole): the rows then")
+    assert better > 1e3
+    # forces of other rows belong to no unit, though small ones contradict the readings less
+    shuffled[:, 3:6] = 3 + rng.permutation(rows[:, 3:6])
+    assert " not in N" not in calibration_study.mistaken(sensor, shuffled, np.zeros(16), ("S1", "S2", "S3"))[0]
+
+
+def test_readings_less_exact_than_forces_and_many_rows_have_an_answer(bench, run, monkeypatch):
+    monkeypatch.setattr(calibration_study, "MOST_ROWS", 12)
+    table, files = bench
+    narrow = [f"{file}.csv" for file in files]
+    for file, other in zip(files, narrow, strict=True):
+        pd.read_csv(file).drop(columns="depth_mm").to_csv(other, index=False)
+    status, text, err = run("calibrate", "paper", *narrow, "--set", "hall_noise=0.005", "--json")
+    assert status == 0, err
+    assert "12 of 24 rows are used, evenly spaced" in err
+    assert f"{0.005 * table['F_z [N]'].max():.3g} N is assumed; state it by --force-noise" in err.replace("\n", " ")
+    assert json.loads(text)["rows"] == 12
+
+
+def test_held_out_runs_are_not_trained_on(simulated):
+    sensor, shift, rng = simulated
+    rows = rows_of(sensor, sensor.unknowns.mean, shift, rng)
+    run = np.repeat(["a", "b", "c"], [20, 15, 5])
+    # another load cell in run b, which no other row knows of
+    rows[run == "b", 3:6] *= 2
+    made = bench_file.Bench(pd.DataFrame({"run": run}), ("S1", "S2", "S3"), [])
+    names, trained, tested = zip(*calibration_study.folds(made, np.arange(2, 40)), strict=True)
+    assert names == ("a", "b", "c")
+    for train, test in zip(trained, tested, strict=True):
+        assert len(set(run[test])) == 1
+        assert set(run[train]).isdisjoint(run[test])
+        assert sorted([*train, *test]) == list(range(2, 40))
+    _, _, force = calibration_study.held_out(
+        sensor, rows, np.zeros(40), made, np.flatnonzero(run != "c"), lambda *_: None
+    )
+    assert force[run == "a", 2] == pytest.approx(2 * rows[run == "a", 5], rel=0.2)
+    assert force[run == "b", 2] == pytest.approx(rows[run == "b", 5] / 2, rel=0.2)
+
+
 @pytest.mark.parametrize("layout", ["three", "tmag5273a1"])
 def test_the_decoder_of_an_estimated_sensor_inverts_what_it_predicts(layout):
     """Unknowns drawn from twice their priors; readings at another temperature."""

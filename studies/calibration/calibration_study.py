@@ -55,12 +55,20 @@ PATTERN = 4.0
 OUTLIER, UNUSABLE = 6.0, 1.5
 """Misfit of a row over the median from which it is named; RMSE over that of the better regression from which a
 calibration is called unusable."""
-FEW, ROUGH, BETTER = 24, 8, 3.0
-"""Rows and steps with which columns that are exchanged or reversed are sought, and how much better the rows fit with
-these."""
+FEW, FIRST, ROUGH, LIKELY, BETTER = 24, 2, 8, 6, 3.0
+"""Rows with which columns that are exchanged, reversed or turned are sought, steps of a first fit with each of them,
+steps with those that then fit best, their number, and how much better the rows must fit."""
 CHECK = "check which column is which element, the signs of the forces, and wrong rows"
 COPY, WRONG = "repeats another one to the last digit: was it measured again?", "was it measured wrongly?"
-CYCLES = ((1, 2, 0), (2, 0, 1))
+TURNS = {"90": ([1, 0], [1.0, -1.0]), "180": ([0, 1], [-1.0, -1.0]), "-90": ([1, 0], [-1.0, 1.0])}
+"""Angles, deg, by which a sensor may be turned on its stand: columns and signs of x and y in its own axes."""
+FAR, SURPRISING = 2.5, 3.0
+"""Standard deviations of its prior beyond which an unknown contradicts it, where parts beyond two are sorted out; the
+same of the distance between a prior and what rows and other priors say, which by chance reaches 2.5 for one of some
+twenty unknowns in a tenth of the benches, and 3 hardly ever."""
+MOST_ROWS = 3000
+"""Most rows of a calibration; of more, evenly spaced ones are taken. Beyond some hundred they teach hardly anything
+(see the learning curve), while time and memory grow in proportion."""
 DOUBTED, CERTAIN = 3.0, 1000.0
 """Estimated over expected error of the forces from which such columns are sought, and how much better rows must fit
 with them so that a bench is refused."""
@@ -275,6 +283,27 @@ def sentences(found: Fit) -> list[str]:
     return said
 
 
+def contradicted(found: Fit) -> list[int]:
+    """Return the unknowns whose priors the rows contradict, the worst first."""
+    un, away = found.sensor.unknowns, np.abs(found.surprise())
+    beyond = (away > SURPRISING) | (np.abs(found.theta - un.mean) > FAR * un.deviation)
+    return [k for k in np.argsort(-away).tolist() if beyond[k] and un.deviation[k] > 0]
+
+
+def contradictions(found: Fit) -> list[str]:
+    """Return a sentence that names the unknowns whose priors the rows contradict, if there are any."""
+    un, away, worst = found.sensor.unknowns, np.abs(found.surprise()), contradicted(found)
+    if not worst:
+        return []
+    named, first = ", ".join(f"{un.names[k]} by {away[k]:.2g}" for k in worst), worst[0]
+    value, prior, wide = (float(each[first]) for each in (found.theta, un.mean, un.deviation))
+    least = f"{un.names[first]} is estimated as {value:.4g} {un.units[first]} for {prior:.4g} +- {wide:.2g}"
+    said = (
+        f"the rows contradict the priors of {named} standard deviations ({least}): intervals of unknowns do not hold"
+    )
+    return [f"{said}; mend the design, state a wider --tolerance, or --free {un.names[first]}"]
+
+
 def residual_rows(found: Fit, bench: Bench, rows: Ints) -> list[FlatRow]:
     """Return mean, spread and correlation of neighbours of the residuals of each run and channel.
 
@@ -326,7 +355,7 @@ def _estimated(
     def fitted(rows: Ints) -> tuple[Fit, bool]:
         found, truth = fit(measured[rows], warmer[rows]), measured[rows, len(expected.noise) :][:, :3]
         own, usual = (np.median(sensor.force_errors(truth)) for sensor in (found.sensor, expected))
-        return found, bool(own > DOUBTED * usual or found.growth > 2)
+        return found, bool(own > DOUBTED * usual or found.growth > 2 or contradicted(found))
 
     found, doubtful = fitted(np.arange(len(measured)))
     size = np.sqrt(np.nanmean(np.square(found.residual), axis=1))
@@ -339,42 +368,77 @@ def _estimated(
 
 
 def mistaken(sensor: Sensor, measured: Array, warmer: Array, names: Sequence[str]) -> tuple[str, float]:
-    """Return which columns are probably exchanged, reversed or in another unit, in words, and how much better rows
-    then fit; "" where no such rows fit much better.
+    """Return which columns are probably exchanged, reversed, turned or in another unit, in words, and how much better
+    rows then fit; "" where no such rows fit much better.
 
     Mirrored layouts make some of these equal, such as S2 with S3 and Fx_N with Fy_N: all of them are named.
     """
-    k, elements = len(names), parts.of_design(sensor.design)
-    columns, zero = [*names, "Fx_N", "Fy_N"], np.array([*(element.null for element in elements), 0.0, 0.0])
-    pairs_of = [*itertools.combinations(range(k), 2), (k, k + 1)]
-    orders: list[tuple[tuple[int, ...], tuple[int, ...], str]]
-    orders = [(at, at[::-1], " is exchanged with ".join(columns[j] for j in at)) for at in pairs_of]
-    if k == 3:
-        orders += [
-            ((0, 1, 2), at, f"{', '.join(names)} stand in the columns of {', '.join(names[j] for j in at)}")
-            for at in CYCLES
-        ]
     chosen = np.linspace(0, len(measured) - 1, min(len(measured), FEW)).round().astype(int)
     rows, warm = measured[chosen], warmer[chosen]
-    given, better = sensor_fit.fit(sensor, rows, warm, ROUGH).chi2, {}
-    for at, source, text in [
-        *orders,
-        *(((j,), (j,), f"{name} has the wrong sign") for j, name in enumerate(columns)),
-    ]:
-        other = rows.copy()
-        other[:, at] = rows[:, source] if len(at) > 1 else 2 * zero[at] - rows[:, source]
-        if np.isfinite(other[:, at]).any():
-            better[text] = sensor_fit.fit(sensor, other, warm, ROUGH).chi2
-    for unit in ("mN", "g", "kg"):
-        other = rows.copy()
-        other[:, k : k + 3] *= UNITS["N"][unit]
-        better[f"the forces are in {unit} and not in N"] = sensor_fit.fit(sensor, other, warm, ROUGH).chi2
+    given = sensor_fit.misfit(sensor, rows, warm, ROUGH)
+    causes = {text: other for text, *other in _causes(sensor, rows, names)}
+    first = {text: sensor_fit.misfit(*other, warm, FIRST) for text, other in causes.items()}
+    likely = sorted(first, key=first.__getitem__)[:LIKELY]
+    better = {text: sensor_fit.misfit(*causes[text], warm, ROUGH) for text in causes if text in likely}
     best = min(better.values())
     if not BETTER * best < given:
         return "", 1.0
-    found = [text for text, chi2 in better.items() if chi2 < 2 * best]
+    found = [text for text, misfit in better.items() if misfit < 2 * best]
     ratio = given / best
     return f"probably {', or '.join(found)}: the rows then fit {ratio:.2g} times better", ratio
+
+
+def _causes(sensor: Sensor, rows: Array, names: Sequence[str]) -> Iterator[tuple[str, Sensor, Array]]:
+    """Yield what may be wrong with rows (n, k + 6), in words, and sensor and rows that would then be right."""
+    k = len(names)
+    null = np.array([element.null for element in parts.of_design(sensor.design)])
+    for text, columns, signs in _columns_of_elements(names):
+        yield text, sensor, np.hstack([null + signs * (rows[:, columns] - null[columns]), rows[:, k:]])
+    force, moved = rows[:, k : k + 2], rows[:, k + 4 : k + 6]
+    if np.isfinite(force).any():
+        for j, name in enumerate(("Fx_N", "Fy_N")):
+            if np.isfinite(force[:, j]).any():
+                reversed_one = force * np.where(np.arange(2) == j, -1.0, 1.0)
+                yield f"{name} has the wrong sign", sensor, _with_sideways(rows, k, reversed_one)
+        yield "Fx_N is exchanged with Fy_N", sensor, _with_sideways(rows, k, force[:, ::-1])
+        for angle, (order, sign) in TURNS.items():
+            both = _with_sideways(rows, k, force[:, order] * sign, moved[:, order] * sign)
+            yield f"the sensor is turned by {angle} deg about z on the stand", sensor, both
+    for unit in ("mN", "g", "kg"):
+        factor = UNITS["N"][unit]
+        # forces and their errors are in the same unit: smaller forces alone would fit better, whatever the cause
+        scaled = dataclasses.replace(sensor, force_noise=factor * sensor.force_noise)
+        yield f"the forces are in {unit} and not in N", scaled, rows * np.repeat([1.0, factor, 1.0], [k, 3, 3])
+
+
+def _with_sideways(rows: Array, k: int, force: Array, moved: Array | None = None) -> Array:
+    """Return rows (n, k + 6) with other forces and, if given, other shears along x and y, (n, 2) each."""
+    changed = rows.copy()
+    changed[:, k : k + 2] = force
+    if moved is not None:
+        changed[:, k + 4 : k + 6] = moved
+    return changed
+
+
+def _columns_of_elements(names: Sequence[str]) -> Iterator[tuple[str, Ints, Array]]:
+    """Yield what may be wrong with the columns of the elements, in words, the column that holds each element's
+    reading (k,), and its sign (k,): exchanges of two, and for each triple of axes, alike in all chips, all orders and
+    signs."""
+    k = len(names)
+    for a, b in itertools.combinations(range(k), 2):
+        order = np.arange(k)
+        order[[a, b]] = b, a
+        yield f"{names[a]} is exchanged with {names[b]}", order, np.ones(k)
+    for sign, axes in itertools.product(itertools.product((1.0, -1.0), repeat=3), itertools.permutations(range(3))):
+        signs, moved = np.tile(sign, k // 3), sum(j != at for j, at in enumerate(axes))
+        order = np.concatenate([np.array(axes) + first for first in range(0, k, 3)])
+        if not moved and sum(sign) == -3:
+            yield "the magnet is upside down (set magnet_north to the other pole)", order, signs
+        elif not moved and sum(sign) == 1 and k == 3:
+            yield f"{names[int(np.argmin(sign))]} has the wrong sign", order, signs
+        elif sum(sign) < 3 or moved > 2 or (moved and k > 3):
+            held = (f"{'-' if way < 0 else ''}{names[at]}" for at, way in zip(order, signs, strict=True))
+            yield f"the readings {', '.join(names)} stand in the columns {', '.join(held)}", order, signs
 
 
 def advice(found: Fit) -> str:
@@ -425,7 +489,8 @@ def run(design: Design, files: Sequence[Path], options: Calibrating, progress: P
     sensor = Sensor(design, law, un, noise, force_noise or 0.005 * full_scale)
     full = calibration_file.at_rails(design, measured[:, :k])
     complete = np.isfinite(measured[:, :k]).all(axis=1) & np.isfinite(truth).any(axis=1) & ~full.any(axis=1)
-    rows, warmer = np.flatnonzero(complete), sensor_fit.warmer_of(sensor, bench)
+    usable, warmer = np.flatnonzero(complete), sensor_fit.warmer_of(sensor, bench)
+    rows = usable[np.linspace(0, len(usable) - 1, min(len(usable), MOST_ROWS)).round().astype(int)]
     progress(0.1, f"{len(rows)} rows")
     fit = partial(sensor_fit.fit if force_noise else sensor_fit.fit_with_noise, sensor)
     found, doubtful, worst = _estimated(fit, sensor, measured[rows], warmer[rows])
@@ -439,7 +504,10 @@ def run(design: Design, files: Sequence[Path], options: Calibrating, progress: P
                 f"no sensor of this design has these rows, as its {name} would be {factor:.2g} times the design's: "
                 f"{hint or CHECK}"
             )
-    table, curve, force = held_out(found.sensor, measured, warmer, bench, rows, progress)
+    try:
+        table, curve, force = held_out(found.sensor, measured, warmer, bench, rows, progress)
+    except BadInput as error:
+        raise BadInput(f"no sensor of this design has these rows ({error}): {hint or CHECK}") from None
     if not doubtful and not odd and _failures(_summary(table), ""):
         hint, _ = mistaken(sensor, measured[rows], warmer[rows], bench.readings)
     progress(0.95, "pictures")
@@ -449,10 +517,18 @@ def run(design: Design, files: Sequence[Path], options: Calibrating, progress: P
     }  # fmt: skip
     origin: FlatRow = {
         "mechanics": source, "lag_s": lag, "full_scale": full_scale, "noise_source": noise_source,
-        "estimated": force_noise is None, "hint": hint,
+        "estimated": found.sensor.force_noise != sensor.force_noise, "hint": hint,
     }  # fmt: skip
     drawn = partial(figures, truth[rows], force[rows], curve)
-    return _result(found, bench, tables, origin, [*_odd_rows(bench, full), *odd], drawn)
+    said = [*_odd_rows(bench, full), *odd]
+    if len(rows) < len(usable):
+        said.append(f"{len(rows)} of {len(usable)} rows are used, evenly spaced: more would teach hardly anything")
+    if force_noise is None and not origin["estimated"]:
+        said.append(
+            "the readings are less exact than the forces, so their residuals do not tell the error of the forces: "
+            f"{sensor.force_noise:.3g} N is assumed; state it by --force-noise"
+        )
+    return _result(found, bench, tables, origin, said, drawn)
 
 
 def noise_of(design: Design) -> tuple[Array, str]:
@@ -473,16 +549,18 @@ def _warnings(found: Fit, tables: Mapping[str, Rows], outliers: Sequence[str], o
     said = []
     if found.growth > 2 or wrong:
         where = f" (channels {', '.join(wrong)})" if wrong else ""
-        wider = f", and all intervals are {math.sqrt(found.growth):.3g} times as wide" if found.growth > 1.1 else ""
+        wider = f", and errors count {math.sqrt(found.growth):.3g} times as large" if found.growth > 1.1 else ""
         said.append(
             f"residuals are larger than the stated errors, or no noise{where}: the model lacks something{wider}"
         )
+    said += contradictions(found)
     un, count = found.sensor.unknowns, len(found.sensor.unknowns.free)
-    if found.freedom < count:
+    beyond = int(np.isfinite(found.residual).sum()) - 3 * len(found.shift)
+    if beyond < count:
         kept = [un.names[k] for k in un.free if found.deviation[k] > SAME * un.deviation[k]]
         known = f", such as {', '.join(kept[:3])}" if kept else ""
         said.append(
-            f"{len(found.shift)} rows give {found.freedom} numbers beyond the magnet's places for {count} unknowns: "
+            f"{len(found.shift)} rows give {beyond} numbers beyond the magnet's places for {count} unknowns: "
             f"tolerances decide the rest; press more often, or --fix what is known{known}"
         )
     said += outliers

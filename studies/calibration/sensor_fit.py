@@ -20,7 +20,8 @@ one, 1/sqrt(3) of that of a uniform one.
 What is measured has independent normal errors of known size. Gauss-Newton steps minimise the squared errors over
 their variances, with the priors'; each row's shift is eliminated from the equations (Schur complement), so a step
 costs a system of the size of the unknowns. Their covariance is the inverse of this system. Where the residuals exceed
-the stated errors, it grows by chi^2 over the degrees of freedom (Birge), and so does every interval that follows.
+the stated errors, the variances of all that was measured grow by chi^2 over its degrees of freedom (Birge, Phys. Rev.
+40, 1932), until they fit; those of the priors stay, so that rows never make a sensor less known than it was.
 
 Limits: forces are those of one branch of the mechanics, without hysteresis; what moves the magnet in the silicone
 does not change the mechanics; a factor of the polarisation is the one at the working point, below that of the data
@@ -52,6 +53,13 @@ STEPS, LARGEST_STEP, SETTLED = 40, 0.05, 1e-7
 NOISE_ROUNDS, SAME_NOISE, LEAST_NOISE = 6, 0.05, 0.2
 """Most rounds in which the error of the forces is estimated; relative change that ends them; least error at rest over
 that of all rows, since no row may count without limit."""
+FEWEST_RESIDUALS = 3.0
+"""Least sum of the freedom of residuals of forces that tells their error, two numbers; the freedom of one is 1 where
+shift and unknowns take up nothing of it."""
+TELLING = 0.99
+"""Standard deviation of an unknown over that of its prior from which rows say too little to contradict it."""
+GROWTH_ROUNDS, SAME_GROWTH = 6, 0.02
+"""Most rounds in which the growth of the variances is estimated; relative change that ends them."""
 MOST_DAMPED = 1e3
 """Damping at which a row that still finds no better shift is at its best one."""
 GRID = (9, 9, 12)
@@ -312,7 +320,9 @@ class Fit:
     theta, covariance : (p,) values of the unknowns, and their covariance (p, p), with `growth`.
     shift : (n, 3) the magnet's shift in each row.
     residual : (n, k + 6) measured less predicted, over the standard deviation; NaN where nothing was measured.
-    chi2, freedom : sum of the squared residuals with the priors, and its degrees of freedom.
+    chi2, freedom : sum of the squared residuals, and its mean for the stated errors: the number of what was measured
+        less three shifts in each row, and less tr(C S) that the unknowns take up, where S is the rows' part of the
+        system whose inverse is C.
     """
 
     sensor: Sensor
@@ -321,12 +331,12 @@ class Fit:
     shift: Array
     residual: Array
     chi2: float
-    freedom: int
+    freedom: float
 
     @property
     def growth(self) -> float:
-        """Factor of all variances: chi^2 over its degrees of freedom, at least 1."""
-        return max(1.0, self.chi2 / max(self.freedom, 1))
+        """Factor of the variances of what was measured: chi^2 over its degrees of freedom, at least 1."""
+        return max(1.0, self.chi2 / max(self.freedom, 1.0))
 
     @property
     def deviation(self) -> Array:
@@ -362,6 +372,17 @@ class Fit:
         k, half = len(sensor.noise), QUANTILE * np.sqrt(variance)
         return both[0, :, :k], half[:, :k], both[0, :, k:], half[:, k:]
 
+    def surprise(self) -> Array:
+        """Return by how much the rows contradict each prior (p,), in standard deviations; 0 where they say nothing.
+
+        It is the distance of the prior's mean from what the rows and all other priors say, over this distance's
+        standard deviation, and equals (theta - mean) / sqrt(variance of the prior - variance of theta).
+        """
+        un = self.sensor.unknowns
+        gained = np.square(un.deviation) - np.square(self.deviation)
+        told = self.deviation < TELLING * un.deviation
+        return np.where(told, (self.theta - un.mean) / np.sqrt(np.where(told, gained, 1.0)), 0.0)
+
     def correlation(self) -> Array:
         """Return the correlations (p, p); 0 for unknowns that are fixed."""
         size = np.where(self.deviation > 0, self.deviation, 1.0)
@@ -378,19 +399,49 @@ def warmer_of(sensor: Sensor, bench: Bench) -> Array:
     return np.nan_to_num(bench.values(["temperature_C"])[:, 0] - sensor.temperature_C)
 
 
-def fit(sensor: Sensor, measured: Array, warmer: Array, steps: int = STEPS) -> Fit:
-    """Estimate the sensor from rows (n, k + 6), in a number of steps at most.
+def fit(sensor: Sensor, measured: Array, warmer: Array) -> Fit:
+    """Estimate the sensor from rows (n, k + 6).
 
-    Raises
-    ------
-    BadInput
-        There are fewer numbers than unknowns of the rows and the sensor need.
+    Where the residuals exceed the stated errors, the variances of all that was measured grow until they fit.
     """
-    un = sensor.unknowns
-    free, theta = un.free, un.mean.copy()
+    un, W, growth = sensor.unknowns, sensor.weights(measured), 1.0
+    prior = np.diag(1 / un.deviation[un.free] ** 2)
+    theta, shift = un.mean.copy(), _settled_at_priors(sensor, measured, W, warmer)
+    for _ in range(GROWTH_ROUNDS):
+        theta, shift, _ = _minimised(sensor, theta, shift, measured, W / math.sqrt(growth), warmer)
+        r, Js, Jt = linearised(sensor, theta, shift, measured, W, warmer)
+        of_rows = (condensed(r, Js, Jt, un, theta)[0] - prior) / growth
+        inverse = np.linalg.inv(of_rows + prior)
+        # numbers beyond the shifts, less those that the unknowns take up
+        freedom = int((W > 0).sum()) - 3 * len(measured) - float(np.einsum("pq,qp->", inverse, of_rows))
+        covariance = np.zeros((len(theta), len(theta)))
+        covariance[np.ix_(un.free, un.free)] = inverse
+        residual = np.where(W > 0, r, np.nan)
+        found = Fit(sensor, theta, covariance, shift, residual, float(np.square(r).sum()), freedom)
+        if abs(found.growth / growth - 1) < SAME_GROWTH:
+            break
+        growth = found.growth
+    return found
+
+
+def misfit(sensor: Sensor, measured: Array, warmer: Array, steps: int) -> float:
+    """Return the least squared errors of rows (n, k + 6) and unknowns over their variances, after some steps."""
     W = sensor.weights(measured)
-    shift = sensor.starts(theta, measured)
-    shift = settle_shifts(sensor, theta, shift, measured, W, warmer, steps)
+    shift = _settled_at_priors(sensor, measured, W, warmer, steps)
+    return _minimised(sensor, sensor.unknowns.mean.copy(), shift, measured, W, warmer, steps)[2]
+
+
+def _settled_at_priors(sensor: Sensor, measured: Array, W: Array, warmer: Array, steps: int = STEPS) -> Array:
+    theta = sensor.unknowns.mean
+    return settle_shifts(sensor, theta, sensor.starts(theta, measured), measured, W, warmer, steps)
+
+
+def _minimised(
+    sensor: Sensor, theta: Array, shift: Array, measured: Array, W: Array, warmer: Array, steps: int = STEPS
+) -> tuple[Array, Array, float]:
+    """Return unknowns, shifts and squared errors after Gauss-Newton steps that are damped where these rise."""
+    un = sensor.unknowns
+    free = un.free
     total, lever = _total(sensor, theta, shift, measured, W, warmer), 1e-3
     for _ in range(steps):
         r, Js, Jt = linearised(sensor, theta, shift, measured, W, warmer)
@@ -412,14 +463,7 @@ def fit(sensor: Sensor, measured: Array, warmer: Array, steps: int = STEPS) -> F
         fall, theta, shift, total, lever = total - after, trial, shift + along, after, max(lever / 10, 1e-9)
         if fall <= SETTLED * max(total, 1.0):
             break
-    r, Js, Jt = linearised(sensor, theta, shift, measured, W, warmer)
-    S = condensed(r, Js, Jt, un, theta)[0]
-    freedom = int((W > 0).sum()) - 3 * len(measured)
-    growth = max(1.0, total / max(freedom, 1))
-    covariance = np.zeros((len(theta), len(theta)))
-    covariance[np.ix_(free, free)] = growth * np.linalg.inv(S)
-    residual = np.where(W > 0, r, np.nan)
-    return Fit(sensor, theta, covariance, shift, residual, total, freedom)
+    return theta, shift, total
 
 
 def fit_with_noise(sensor: Sensor, measured: Array, warmer: Array) -> Fit:
@@ -427,7 +471,8 @@ def fit_with_noise(sensor: Sensor, measured: Array, warmer: Array) -> Fit:
 
     Three numbers of a row determine its shift, and the readings are the most exact ones: what is left is the error of
     the measured forces, that of the mechanics included. It is a constant and a share of the force, whose squares
-    follow from a regression of the squared residuals.
+    follow from a regression of the squared residuals. Where forces are more exact than readings, their residuals tell
+    nothing, and the error that the sensor came with stays.
     """
     k = len(sensor.noise)
     for _ in range(NOISE_ROUNDS):
@@ -456,14 +501,15 @@ def _with_noise_of(found: Fit, measured: Array, warmer: Array) -> Sensor:
     known[:, :k] = False
     variance = np.square(r / np.where(known, W, 1.0)) / np.where(known, freedom, 1.0)
     motion, known[:, k + 3 :] = known[:, k + 3 :].copy(), False
+    if motion.any():
+        sensor = dataclasses.replace(sensor, motion_noise=float(np.sqrt(variance[:, k + 3 :][motion].mean())))
+    if freedom[known].sum() < FEWEST_RESIDUALS:
+        return sensor
     size, weight = np.square(measured[known]), np.sqrt(freedom[known]) * W[known] ** 2
     table = np.stack([np.ones_like(size), size], axis=1) * weight[:, None]
     constant, share = nnls(table, variance[known] * weight)[0]
     constant = max(constant, LEAST_NOISE**2 * float(np.average(variance[known], weights=freedom[known])))
-    moved = float(np.sqrt(variance[:, k + 3 :][motion].mean())) if motion.any() else sensor.motion_noise
-    return dataclasses.replace(
-        sensor, force_noise=math.sqrt(constant), force_share=math.sqrt(share), motion_noise=moved
-    )
+    return dataclasses.replace(sensor, force_noise=math.sqrt(constant), force_share=math.sqrt(share))
 
 
 def _total(sensor: Sensor, theta: Array, shift: Array, measured: Array, W: Array, warmer: Array) -> float:
