@@ -10,9 +10,11 @@ import numpy as np
 from fem.model import plate_contact
 from fem.model.plate_contact import Plate
 from fem.model.symmetry_models import MeshSpecification
+from fem.scene import FIRST_TOUCH
 from fem.solve.load_stepping import Path, PathModels
 from fem.solve.newton import STOPPED, NoStateError, Stop
 from fem.solve.path_state import PathState, glue
+from geometry.design import BadInput
 
 EDGE_SHARE, SETTLED_RADIUS, MOST_PRESSES = 0.05, 0.05, 3
 """EDGE_SHARE: largest edge length at the edge of the contact, over the contact radius. SETTLED_RADIUS: relative
@@ -44,7 +46,14 @@ def find_press(section: MeshSpecification, edge_length: float, depth: float) -> 
 
     section : mesh of the press; its own refinement (`rim`, `glued`) is replaced.
     edge_length : at the edge of the contact, over D; at most EDGE_SHARE of the radius.
+
+    Raises
+    ------
+    BadInput
+        The depth is lost in the rounding of lengths, so that no mesh has such a contact.
     """
+    if not depth > FIRST_TOUCH:
+        raise BadInput(f"the depth must be more than {FIRST_TOUCH:g} D, the rounding of lengths; got {depth:.3g} D")
     radius = min(math.sqrt(depth / 2), 0.475)
     for _ in range(MOST_PRESSES):
         rim = radius, min(edge_length, EDGE_SHARE * radius)

@@ -101,6 +101,15 @@ READ = "depth, shear, seconds, " + ", ".join(
 """SQL of the columns that `stored` takes. Texts are read as bytes, because those of a damaged file may be none."""
 
 
+COLUMNS = ("path", "depth", "shear", "seconds", "outcome", "status", "answer", "versions", "added", "digest")
+ADD = (
+    f"INSERT INTO state ({', '.join(COLUMNS)}) VALUES ({', '.join('?' * len(COLUMNS))})"
+    f" ON CONFLICT (path, depth, shear) DO UPDATE SET {', '.join(f'{name} = excluded.{name}' for name in COLUMNS[3:])}"
+    " WHERE excluded.outcome != 'transient' OR state.outcome = 'transient'"
+)
+"""SQL that adds a state."""
+
+
 def digest(path: str, numbers: Sequence[float], texts: Sequence[bytes]) -> str:
     """Return the digest of a state: that of the key of its path and of all that its row holds."""
     parts = [path.encode(), *(float.hex(number).encode() for number in numbers), *texts]
@@ -181,7 +190,8 @@ class Store:
     def add_many(self, paths: Iterable[tuple[Content, Iterable[State]]]) -> None:
         """Add states of several paths in one transaction; they are on the disk afterwards.
 
-        A state replaces the stored one at the same position.
+        A state replaces the stored one at the same position; a transient one replaces transient ones only, since
+        another process may have solved the state meanwhile.
         """
         now = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
         with refusals(self.file), self._connection as connection:
@@ -197,8 +207,7 @@ class Store:
                     (*s.position, s.seconds, s.outcome, s.status, _json(s.answer), s.versions, now) for s in states
                 ]
                 connection.executemany(
-                    "INSERT OR REPLACE INTO state (path, depth, shear, seconds, outcome, status, answer, versions,"
-                    " added, digest) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+                    ADD,
                     [(number, *row, digest(path, row[:3], [text.encode() for text in row[3:]])) for row in rows],
                 )
 

@@ -95,9 +95,7 @@ def write(model: Forward, grid: Grid, out: Path, level: str, progress: Progress)
                 stream.flush()
                 atomic_files.write_json(note, {"key": key, "done": i + 1, "offset": offset})
         stream.truncate()
-    atomic_files.write_json(out.with_suffix(".json"), about)
-    own_files.note(out.parent, {out.name: part})
-    os.replace(part, out)
+    _replace_pair(part, out, about)
     note.unlink(missing_ok=True)
     return _record(out, size // 8 // shape[3], size, done, level)
 
@@ -113,10 +111,23 @@ def write_plane(model: Forward, grid: Grid, out: Path, level: str) -> FlatRow:
         {"name": "Z_mm", "first": first, "step": grid.step, "count": table.shape[1]},
         {"name": "B_T", "columns": ["B_rho", "B_z"]},
     ]
-    with atomic_files.atomic(out) as temporary:
-        np.save(temporary, table)
-    atomic_files.write_json(out.with_suffix(".json"), about)
+    part = out.with_name(f".{out.name}.part")
+    with part.open("wb") as stream:
+        np.save(stream, table)
+    _replace_pair(part, out, about)
     return _record(out, table.size // 2, table.nbytes, 0, level)
+
+
+def _replace_pair(part: Path, out: Path, about: dict[str, Any]) -> None:
+    """Rename a complete table to FILE.npy, and describe it in FILE.json.
+
+    The old description goes first: a process that is killed here leaves a table without a description, which `read`
+    refuses, never one with that of another table.
+    """
+    out.with_suffix(".json").unlink(missing_ok=True)
+    own_files.note(out.parent, {out.name: part})
+    os.replace(part, out)
+    atomic_files.write_json(out.with_suffix(".json"), about)
 
 
 def _record(out: Path, poses: int, size: int, resumed: int, level: str) -> FlatRow:

@@ -26,6 +26,7 @@ import numpy as np
 
 from analytic.decode import Status, decode
 from analytic.parts import common_values
+from geometry.design import BadInput
 from studies.output import page_templates
 from studies.sensing.decode_readings import WHY
 from studies.sensitivity.made_sensors import (
@@ -95,6 +96,12 @@ class AtRest:
         self.made, self.nominal = made_sensors(design, sizes, SENSORS), nominal_sensor(design)
         self._rest, deviations = _read(self.nominal, self.made, np.zeros(3), np.zeros(2))
         deviations = deviations + np.random.default_rng(0).normal(0.0, coder.sigma, deviations.shape)
+        for element, spread in zip(coder.forward.elements, np.ptp(deviations, axis=0).tolist(), strict=True):
+            if not spread > 0:
+                raise BadInput(
+                    f"{element.name} reads the same in all made sensors at rest, as it does at a rail or without "
+                    "tolerances: set hall_gain and its rails so that it reads the magnet, or leave a tolerance"
+                )
         self.inverse: Array = np.asarray(np.linalg.inv(deviations.T @ deviations / len(deviations)), dtype=float)
         self.of_made = np.sort(self._squares(deviations))
 
