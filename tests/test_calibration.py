@@ -13,7 +13,7 @@ from numpy.testing import assert_allclose
 
 from analytic import parts
 from analytic.time_series import RelaxingForce, zero_offset
-from geometry.design import Design, paper
+from geometry.design import BadInput, Design, paper
 from studies.calibration import (
     bench_file,
     calibrated_forces,
@@ -467,6 +467,62 @@ def test_a_calibration_takes_its_own_designs_only(calibration, refusal, run, tmp
     assert "--depth and --shear work with --calibration" in refusal("readings", "paper", "--depth", "1")
 
 
+def test_the_design_beside_a_calibration_with_a_fixed_modulus_is_its_own(calibration, tmp_path):
+    sensor = calibration[0].sensor
+    un = dataclasses.replace(sensor.unknowns, deviation=sensor.unknowns.deviation.copy())
+    un.deviation[un.names.index("modulus")] = 0.0
+    theta = calibration[0].theta.copy()
+    theta[un.names.index("modulus")] = 1.0
+    found = dataclasses.replace(calibration[0], sensor=dataclasses.replace(sensor, unknowns=un), theta=theta)
+    path = tmp_path / "calibration.json"
+    path.write_text(calibration_file.as_text(found, "", None), "utf-8")
+    assert found.design.E == paper().E
+    for design in (paper(), found.design):
+        assert calibration_file.of_design(path, design).design == found.design
+    with pytest.raises(BadInput, match=r"another design, whose remanence is 1\.2 and not 1\.3"):
+        calibration_file.of_design(path, dataclasses.replace(found.design, remanence=1.3))
+
+
+def test_an_edited_calibration_is_refused_and_so_are_other_shapes(calibration, tmp_path):
+    text, path = calibration[1].read_text("utf-8"), tmp_path / "calibration.json"
+    assert calibration_file.read(calibration[1]).theta == pytest.approx(calibration[0].theta, rel=1e-15)
+
+    def refused(change, *, signed):
+        record = json.loads(text)
+        change(record)
+        if signed:
+            record["digest"] = calibration_file.digest_of(record)
+        path.write_text(json.dumps(record), "utf-8")
+        with pytest.raises(BadInput) as error:
+            calibration_file.read(path)
+        return str(error.value)
+
+    def doubled(record):
+        record["mechanics"]["normal"] = (2 * np.array(record["mechanics"]["normal"])).tolist()
+
+    assert "was edited, since its digest does not match" in refused(doubled, signed=False)
+    assert "has format 1; this magtip reads 2" in refused(lambda record: record.update(format=1), signed=True)
+    wrong = [5, "a", None, [], {}, [1.0], [[1.0], [1.0, 2.0]], [[[1.0]]], [math.nan], math.inf]
+    places = [(name,) for name in json.loads(text) if name not in ("format", "digest", "mechanics_source", "lag_s")]
+    places += [("mechanics", name) for name in json.loads(text)["mechanics"]]
+    places += [("unknowns", 0, name) for name in ("value", "prior", "prior_deviation")]
+    allowed = {("force_noise_N",), ("force_share",), ("temperature_C",), ("growth",), ("failures",), ("warnings",)}
+    allowed |= {("mechanics", name) for name in ("reach", "sink", "slack")} | {("unknowns", 0, "value")}
+    allowed |= {("unknowns", 0, "prior"), ("unknowns", 0, "prior_deviation")}
+    for place in places:
+        for value in wrong:
+            # one number, no failure, and a design of defaults
+            if (place in allowed and value in (5, [], {})) or (place == ("design",) and value == {}):
+                continue
+
+            def change(record, place=place, value=value):
+                for step in place[:-1]:
+                    record = record[step]
+                record[place[-1]] = value
+
+            assert "calibration.json" in refused(change, signed=True), (place, value)
+
+
 def test_swapped_elements_are_told(bench, run, tmp_path):
     table = bench[0].iloc[:12, :7]
     swapped = table.rename(columns={"S2_V": "S3_V", "S3_V": "S2_V"}).assign(run=[1, 2] * 6)
@@ -677,15 +733,18 @@ def test_intervals_of_simulated_sensors_are_judged_by_their_truth(tmp_path, monk
     assert table.inside_percent.mean() > 70
     assert len(found.frame("unknowns")) == 26
     wrong = [row | {"inside": False} for row in found.tables["unknowns"]]
-    assert calibration_check.result(found.records, wrong, "", 1).failures
+    assert calibration_check.result(found.records, wrong, "", 1, 1).failures
     # all rows but one are lost, or a sensor is
     unknowns = found.tables["unknowns"]
     few = [found.records[0] | {"lost": calibration_check.UNSEEN - 1}]
-    (said,) = calibration_check.result(few, unknowns, "", 1).failures
+    (said,) = calibration_check.result(few, unknowns, "", 1, 1).failures
     assert "rows without a force: 99.5 %, goal at most 1 %" in said
-    (said,) = calibration_check.result(found.records, unknowns, "", 2).failures
+    (said,) = calibration_check.result(found.records, unknowns, "", 2, 1).failures
     assert "sensors without a calibration: 1, goal at most 0" in said
     assert "sensors without" not in " ".join(found.failures)
+    # the one sensor three tolerances off is told, and no goal is met without that
+    told = [line for line in found.shown if "three tolerances off" in str(line)]
+    assert "100 %" in str(told[0])
 
 
 def test_the_scan_of_a_real_magnet_gives_its_polarisation(run):

@@ -14,7 +14,7 @@ from geometry import design_digest
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load, Response
 from studies.inputs import table_input
-from studies.output import own_files
+from studies.output import atomic_files, own_files
 from studies.sensing import field_readings, lookup_table
 from studies.simulation import state_rows
 
@@ -199,6 +199,12 @@ def test_bad_tables_are_a_sentence(refusal, tmp_path, text, words):
     assert words in refusal("field", "paper", "--points", "p.csv")
 
 
+def test_the_field_needs_no_place_of_the_elements(run, tmp_path):
+    (tmp_path / "p.csv").write_text("x_mm,y_mm,z_mm\n0,0,-5\n")
+    expected = run("field", "paper", "--points", "p.csv")[1]
+    assert run("field", "paper", "--points", "p.csv", "--set", "l0=0.1") == (0, expected, "")
+
+
 # The verb table
 
 
@@ -256,6 +262,28 @@ def test_an_interrupted_table_goes_on(run, strict, tmp_path, monkeypatch):
     monkeypatch.setattr(lookup, "slab", slab)
     assert strict(run(*command, "t.npy")[1])[0]["resumed"] == 0
     assert (tmp_path / "t.npy").read_bytes() == (tmp_path / "whole.npy").read_bytes()
+
+
+@pytest.mark.parametrize("plane", [(), ("--plane",)])
+def test_a_table_that_is_replaced_never_has_the_description_of_another(run, tmp_path, monkeypatch, plane):
+    command = ("table", "paper", "--step", 1, "--out", "t.npy", *plane)
+    assert run(*command)[0] == 0
+    old = (tmp_path / "t.npy").read_bytes()
+    # another sensor, whose table has the same shape; the process ends before and after the table gets its name
+    for name in ("note", "write_json"):
+        with monkeypatch.context() as patch:
+            patch.setattr(own_files if name == "note" else atomic_files, name, killed)
+            with pytest.raises(SystemExit):
+                run(*command, "--set", "remanence=1.1")
+        assert ((tmp_path / "t.npy").read_bytes() == old) == (name == "note")
+        with pytest.raises(BadInput, match="is not a table of magtip"):
+            lookup_table.read(tmp_path / "t.npy", replace(paper(), remanence=1.1))
+    assert run(*command, "--set", "remanence=1.1")[0] == 0
+    lookup_table.read(tmp_path / "t.npy", replace(paper(), remanence=1.1))
+
+
+def killed(*_given, **_named):
+    raise SystemExit
 
 
 def test_a_table_is_read_back_for_its_own_sensor_only(run, tmp_path, capsys):

@@ -65,6 +65,32 @@ def test_a_known_law_is_found_again(name):
     assert order == sorted(order)
 
 
+def test_true_stress_is_a_column_and_a_compression_is_one(tmp_path):
+    file, data = tmp_path / "true.csv", synthetic("neo-hookean")
+    rows = zip(data.stretch.tolist(), (1e3 * data.stretch * data.stress).tolist(), strict=True)
+    file.write_text("stretch,true_stress_kPa\n" + "".join(f"{x!r},{y!r}\n" for x, y in rows))
+    found = read_specimen(str(file))
+    assert found.stress == pytest.approx(data.stress, rel=1e-12)
+    best = law_regression.fit(found)[0]
+    assert (best.law, best.E) == ("neo-hookean", pytest.approx(1.2, rel=1e-6))
+    # pure compression, where laws that fit the test differ at a stretch of 0.7
+    pressed = np.linspace(0.98, 0.85, 12)
+    stress = 0.4 * law_regression.nominal_stress("yeoh", (3.0, 0.0), pressed)
+    records = law_regression.choose(law_regression.fit(Specimen(pressed, stress)), Specimen(pressed, stress))
+    said = " ".join(" ".join(record["warnings"]) for record in records)
+    assert "the test compresses to a stretch of 0.85 only" in said
+    assert "no compression" not in said
+
+
+@pytest.mark.parametrize("head", ["nominal_stress_psi", "stress_MPa", "engineering_stress_kPa", "nominal_stress_kgf"])
+def test_another_unit_or_quantity_is_no_misspelling(tmp_path, head):
+    (tmp_path / "test.csv").write_text(f"stretch,{head}\n1.1,0.1\n1.2,0.2\n")
+    with pytest.raises(BadInput) as error:
+        read_specimen(str(tmp_path / "test.csv"))
+    assert "did you mean" not in str(error.value)
+    assert "the header needs a column nominal_stress_MPa or" in str(error.value)
+
+
 def sheet(*points, factor=1.0):
     """A data sheet's strains (1) and nominal stresses (MPa)."""
     strain, stress = np.array(points).T

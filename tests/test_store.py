@@ -37,6 +37,17 @@ def test_a_state_comes_back_to_the_last_bit_and_replaces_that_at_the_same_positi
         assert kept.counts() == (1, 2)
 
 
+def test_a_killed_worker_takes_no_state_that_another_process_has_solved(file):
+    died = replace(PRESSED, outcome="transient", status="worker_died", answer={})
+    failed = replace(PRESSED, depth=0.25, outcome="failed", status="no_contact")
+    with store.opened(file) as kept:
+        kept.add(PATH, [PRESSED, failed, replace(died, depth=0.5)])
+        kept.add(PATH, [died, replace(died, depth=0.25), replace(died, depth=0.5, status="out_of_memory")])
+        states = kept.states(PATH)
+        assert (states[0.125, 0.0], states[0.25, 0.0]) == (PRESSED, failed)
+        assert states[0.5, 0.0].status == "out_of_memory"
+
+
 def test_paths_are_added_in_one_transaction(file):
     with store.opened(file) as kept:
         kept.add_many(({"k": k}, [PRESSED]) for k in range(3))

@@ -7,6 +7,7 @@ Its numbers are the nominal design, the polynomials of its mechanics, and the un
 from __future__ import annotations
 
 import dataclasses
+import hashlib
 import json
 import math
 from collections import Counter
@@ -41,8 +42,8 @@ from studies.sensing import decode_readings, field_readings
 if TYPE_CHECKING:
     from studies.output.records import FlatRow
 
-FORMAT = 1
-"""Version of calibration.json."""
+FORMAT = 2
+"""Version of calibration.json: 1 had no digest, and the variances of priors grew, too."""
 
 
 def unknown_rows(found: Fit) -> list[FlatRow]:
@@ -63,7 +64,7 @@ def as_text(
     """Return the content of calibration.json: what who uses it is warned of; with failures, why nothing may."""
     sensor = found.sensor
     law = {name: np.asarray(value).tolist() for name, value in dataclasses.asdict(sensor.mechanics).items()}
-    record = {
+    record: dict[str, Any] = {
         "format": FORMAT,
         "design": dataclasses.asdict(sensor.design),
         "mechanics_source": source,
@@ -79,7 +80,13 @@ def as_text(
         "temperature_C": sensor.temperature_C,
         "mechanics": law,
     }
-    return json.dumps(record, indent=1) + "\n"
+    return json.dumps(record | {"digest": digest_of(record)}, indent=1) + "\n"
+
+
+def digest_of(record: dict[str, Any]) -> str:
+    """Return the digest of a calibration's content, which tells whether a number was edited."""
+    content = {name: value for name, value in record.items() if name != "digest"}
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
 def read(path: Path) -> Fit:
@@ -88,37 +95,70 @@ def read(path: Path) -> Fit:
     Raises
     ------
     BadInput
-        The file is no calibration, of another version, or of one that failed.
+        The file is no calibration, of another version, edited, or of one that failed.
     """
+    give, record = "give calibration.json of magtip calibrate", json_object(path)
+    if "format" not in record:
+        raise BadInput(f"{path} is no calibration, since it states no format: {give}")
+    if record["format"] != FORMAT:
+        raise BadInput(f"{path} has format {record['format']!r:.20}; this magtip reads {FORMAT}: calibrate again")
+    if record.get("digest") != digest_of(record):
+        raise BadInput(f"{path} was edited, since its digest does not match what it holds: calibrate again")
     try:
-        record = json_object(path)
-        if record["format"] != FORMAT:
-            raise BadInput(f"{path} has format {record['format']}; this magtip reads {FORMAT}: calibrate again")
-        if record.get("failures"):
-            raise BadInput(f"{path} is of no use, as magtip calibrate said: {record['failures'][0]}")
-        for text in record.get("warnings", []):
-            console.warn(f"{path}, as magtip calibrate said: {text}")
-        law: Any = dict(record["mechanics"]) | {"errors": tuple(record["mechanics"]["errors"])}
-        law |= {name: np.array(law[name]) for name in ("tau", "lateral", "normal", "depth", "shear")}
-        rows = record["unknowns"]
-        un = Unknowns(
-            tuple(row["name"] for row in rows),
-            tuple(row["unit"] for row in rows),
-            np.array([row["prior"] for row in rows]),
-            np.array([row["prior_deviation"] for row in rows]),
-        )
-        sensor = Sensor(
-            Design(**record["design"]), Mechanics(**law), un, np.array(record["noise"]), record["force_noise_N"],
-            force_share=record.get("force_share", 0.0), temperature_C=record["temperature_C"],
-        )  # fmt: skip
-        theta = np.array([row["value"] for row in rows])
-        # growth is in the covariance already; of the decoder's own noise it is the factor too
-        nothing = np.zeros((0, 3))
-        return Fit(sensor, theta, np.array(record["covariance"]), nothing, nothing, record["growth"], 1)
+        found, failures, warnings = _fit_of(record)
     except (KeyError, TypeError, ValueError) as error:
-        if isinstance(error, BadInput):
-            raise
-        raise BadInput(f"{path} is no calibration ({error!r}): give calibration.json of magtip calibrate") from None
+        raise BadInput(f"{path} is no calibration ({error}): {give}") from None
+    if failures:
+        raise BadInput(f"{path} is of no use, as magtip calibrate said: {failures[0]}")
+    for text in warnings:
+        console.warn(f"{path}, as magtip calibrate said: {text}")
+    return found
+
+
+def _fit_of(record: dict[str, Any]) -> tuple[Fit, list[str], list[str]]:
+    """Return the sensor of a record, why it is of no use, and warnings; raise for what magtip does not write."""
+    rows, law, design = record["unknowns"], record["mechanics"], Design(**record["design"])
+    count, elements = len(rows), len(parts.of_design(design))
+    un = Unknowns(
+        tuple(str(row["name"]) for row in rows),
+        tuple(str(row["unit"]) for row in rows),
+        _numbers("prior", [row["prior"] for row in rows], count),
+        _numbers("prior_deviation", [row["prior_deviation"] for row in rows], count),
+    )
+    if not (un.deviation >= 0).all() or len(set(un.names)) < count:
+        raise ValueError("deviations must be 0 or more, and names of unknowns differ")
+    shapes: dict[str, tuple[int | None, ...]]
+    shapes = {"tau": (None, None), "lateral": (None, None), "normal": (None, None)}
+    shapes |= {"depth": (None, None), "shear": (None, None), "errors": (5,), "reach": (), "sink": ()}
+    fields: Any = {name: _numbers(name, law[name], *shape) for name, shape in shapes.items()}
+    fields |= {name: float(fields[name]) for name in ("reach", "sink")} | {"errors": tuple(fields["errors"].tolist())}
+    least, most = (float(end) for end in law["lean"])
+    mechanics = Mechanics(**fields, lean=(least, most), slack=float(_numbers("slack", law["slack"])))
+    noise = _numbers("noise", record["noise"], elements)
+    force, share, T_0, growth = (
+        float(_numbers(name, record[name])) for name in ("force_noise_N", "force_share", "temperature_C", "growth")
+    )
+    if not (min(*noise.tolist(), force) > 0 and share >= 0 and growth >= 1):
+        raise ValueError("errors of readings and forces must be above 0, and growth at least 1")
+    sensor = Sensor(design, mechanics, un, noise, force, force_share=share, temperature_C=T_0)
+    theta = _numbers("value", [row["value"] for row in rows], count)
+    covariance = _numbers("covariance", record["covariance"], count, count)
+    # growth is in the covariance already; of the decoder's own noise it is the factor too
+    nothing = np.zeros((0, 3))
+    found = Fit(sensor, theta, covariance, nothing, nothing, growth, 1.0)
+    for name in ("failures", "warnings"):
+        if not (isinstance(record[name], list) and all(isinstance(text, str) for text in record[name])):
+            raise ValueError(f"{name} must be a list of sentences")
+    return found, record["failures"], record["warnings"]
+
+
+def _numbers(name: str, value: Any, *shape: int | None) -> Array:
+    """Return finite numbers of a shape, in which None stands for any length."""
+    found = np.array(value, dtype=float)
+    fits = len(found.shape) == len(shape) and all(n in (None, m) for n, m in zip(shape, found.shape, strict=True))
+    if not (fits and found.size and np.isfinite(found).all()):
+        raise ValueError(f"{name} must hold finite numbers of another shape than {found.shape}")
+    return found
 
 
 def of_design(path: Path, design: Design) -> Fit:
@@ -130,13 +170,12 @@ def of_design(path: Path, design: Design) -> Fit:
         The file is no calibration, or one of another design.
     """
     found = read(path)
-    nominal, given = (dataclasses.asdict(each) for each in (found.sensor.design, design))
-    estimated = dataclasses.asdict(found.design)
-    other = [
-        name for name, value in given.items() if name not in OF_TIME and value not in (nominal[name], estimated[name])
-    ]
-    if other or (given["E"] == nominal["E"]) != (given["remanence"] == nominal["remanence"]):
-        name = (other or ["E"])[0]
+    nominal, estimated, given = (dataclasses.asdict(each) for each in (found.sensor.design, found.design, design))
+    names = [name for name in given if name not in OF_TIME]
+    # a value that was fixed is the same in both
+    if not any(all(given[name] == each[name] for name in names) for each in (nominal, estimated)):
+        other = [name for name in names if given[name] not in (nominal[name], estimated[name])]
+        name = (other or [name for name in names if given[name] != nominal[name]])[0]
         raise BadInput(
             f"{path} is the calibration of another design, whose {name} is {nominal[name]} and not {given[name]}: "
             "give the design that was calibrated, or the design.toml beside the calibration"

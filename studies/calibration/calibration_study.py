@@ -60,6 +60,7 @@ FEW, FIRST, ROUGH, LIKELY, BETTER = 24, 2, 8, 6, 3.0
 steps with those that then fit best, their number, and how much better the rows must fit."""
 CHECK = "check which column is which element, the signs of the forces, and wrong rows"
 COPY, WRONG = "repeats another one to the last digit: was it measured again?", "was it measured wrongly?"
+TURNS: dict[str, tuple[list[int], list[float]]]
 TURNS = {"90": ([1, 0], [1.0, -1.0]), "180": ([0, 1], [-1.0, -1.0]), "-90": ([1, 0], [-1.0, 1.0])}
 """Angles, deg, by which a sensor may be turned on its stand: columns and signs of x and y in its own axes."""
 FAR, SURPRISING = 2.5, 3.0
@@ -376,7 +377,7 @@ def mistaken(sensor: Sensor, measured: Array, warmer: Array, names: Sequence[str
     chosen = np.linspace(0, len(measured) - 1, min(len(measured), FEW)).round().astype(int)
     rows, warm = measured[chosen], warmer[chosen]
     given = sensor_fit.misfit(sensor, rows, warm, ROUGH)
-    causes = {text: other for text, *other in _causes(sensor, rows, names)}
+    causes = {text: (one, other) for text, one, other in _causes(sensor, rows, names)}
     first = {text: sensor_fit.misfit(*other, warm, FIRST) for text, other in causes.items()}
     likely = sorted(first, key=first.__getitem__)[:LIKELY]
     better = {text: sensor_fit.misfit(*causes[text], warm, ROUGH) for text in causes if text in likely}
@@ -437,7 +438,7 @@ def _columns_of_elements(names: Sequence[str]) -> Iterator[tuple[str, Ints, Arra
         elif not moved and sum(sign) == 1 and k == 3:
             yield f"{names[int(np.argmin(sign))]} has the wrong sign", order, signs
         elif sum(sign) < 3 or moved > 2 or (moved and k > 3):
-            held = (f"{'-' if way < 0 else ''}{names[at]}" for at, way in zip(order, signs, strict=True))
+            held = (f"{'-' if way < 0 else ''}{names[at]}" for at, way in zip(order.tolist(), signs, strict=True))
             yield f"the readings {', '.join(names)} stand in the columns {', '.join(held)}", order, signs
 
 

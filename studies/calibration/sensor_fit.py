@@ -474,19 +474,23 @@ def fit_with_noise(sensor: Sensor, measured: Array, warmer: Array) -> Fit:
     follow from a regression of the squared residuals. Where forces are more exact than readings, their residuals tell
     nothing, and the error that the sensor came with stays.
     """
-    k = len(sensor.noise)
+    k, given = len(sensor.noise), sensor
     for _ in range(NOISE_ROUNDS):
         found = fit(sensor, measured, warmer)
         before = sensor.force_errors(measured[:, k : k + 3])
-        sensor = _with_noise_of(found, measured, warmer)
+        sensor, told = _with_noise_of(found, measured, warmer)
+        if not told:
+            sensor = dataclasses.replace(sensor, force_noise=given.force_noise, force_share=given.force_share)
+            break
         after = sensor.force_errors(measured[:, k : k + 3])
         if np.abs(after / before - 1).max() < SAME_NOISE:
             break
     return fit(sensor, measured, warmer)
 
 
-def _with_noise_of(found: Fit, measured: Array, warmer: Array) -> Sensor:
-    """Return the sensor with the errors of forces and motions that the residuals of a fit say."""
+def _with_noise_of(found: Fit, measured: Array, warmer: Array) -> tuple[Sensor, bool]:
+    """Return the sensor with the errors of forces and motions that the residuals of a fit say, and whether they tell
+    those of forces."""
     from scipy.optimize import nnls
 
     sensor, theta, k = found.sensor, found.theta, len(found.sensor.noise)
@@ -504,12 +508,12 @@ def _with_noise_of(found: Fit, measured: Array, warmer: Array) -> Sensor:
     if motion.any():
         sensor = dataclasses.replace(sensor, motion_noise=float(np.sqrt(variance[:, k + 3 :][motion].mean())))
     if freedom[known].sum() < FEWEST_RESIDUALS:
-        return sensor
+        return sensor, False
     size, weight = np.square(measured[known]), np.sqrt(freedom[known]) * W[known] ** 2
     table = np.stack([np.ones_like(size), size], axis=1) * weight[:, None]
     constant, share = nnls(table, variance[known] * weight)[0]
     constant = max(constant, LEAST_NOISE**2 * float(np.average(variance[known], weights=freedom[known])))
-    return dataclasses.replace(sensor, force_noise=math.sqrt(constant), force_share=math.sqrt(share))
+    return dataclasses.replace(sensor, force_noise=math.sqrt(constant), force_share=math.sqrt(share)), True
 
 
 def _total(sensor: Sensor, theta: Array, shift: Array, measured: Array, W: Array, warmer: Array) -> float:

@@ -69,9 +69,12 @@ class Call:
         command = self.command if self.out else ""
         return replace(self.screen, command=command, out=self.out, inputs=inputs, names=names)
 
-    def design(self, magnet: Magnet = "rigid") -> Design:
-        """Read the design, and warn of fields without effect and of values that no silicone has."""
-        design = user_input.read_design(self.source, self.sets, magnet=magnet)
+    def design(self, magnet: Magnet = "rigid", **unused: float) -> Design:
+        """Read the design, and warn of fields without effect and of values that no silicone has.
+
+        `unused`: as in `user_input.read_design`.
+        """
+        design = user_input.read_design(self.source, self.sets, magnet=magnet, unused=unused)
         user_input.warn_of_values(design)
         return design
 

@@ -27,18 +27,22 @@ _KINDS: dict[str, type] = {name: float if "low" in spec.metadata else str for na
 _MAGNET = ("magnet_diameter", "magnet_height", "magnet_edge_radius")
 
 
-def read_design(source: str, sets: Sequence[str] = (), *, magnet: Magnet = "rigid") -> Design:
+def read_design(
+    source: str, sets: Sequence[str] = (), *, magnet: Magnet = "rigid", unused: Mapping[str, Value] = {}
+) -> Design:
     """Read the design of a preset or of a TOML file, with overrides KEY=VALUE.
 
     A file has fields of `Design`. Other fields have the values of the preset that its key `base` names; default:
     paper. Tables beside them (`BESIDE`) say how the sensor is made, and what was required of it. With magnet
     "ignored", a magnet that does not fit into the beam is removed from the design, so that the beam can be studied.
 
+    unused : values that replace those of fields which do not matter, so that these do not refuse the design.
+
     >>> read_design("paper", ["D=10", "L=12"]).H
     7.0
     """
     base, values = preset_or_file(source)
-    return design_from(base, {**values, **overrides(sets)}, magnet)
+    return design_from(base, {**values, **overrides(sets), **unused}, magnet)
 
 
 def parse_numbers(name: str, text: str) -> list[float]:

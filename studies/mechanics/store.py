@@ -104,8 +104,9 @@ READ = "depth, shear, seconds, " + ", ".join(
 COLUMNS = ("path", "depth", "shear", "seconds", "outcome", "status", "answer", "versions", "added", "digest")
 ADD = (
     f"INSERT INTO state ({', '.join(COLUMNS)}) VALUES ({', '.join('?' * len(COLUMNS))})"
-    f" ON CONFLICT (path, depth, shear) DO UPDATE SET {', '.join(f'{name} = excluded.{name}' for name in COLUMNS[3:])}"
-    " WHERE excluded.outcome != 'transient' OR state.outcome = 'transient'"
+    " ON CONFLICT (path, depth, shear) DO UPDATE SET "
+    + ", ".join(f"{name} = excluded.{name}" for name in COLUMNS[3:])
+    + " WHERE excluded.outcome != 'transient' OR state.outcome = 'transient'"
 )
 """SQL that adds a state."""
 

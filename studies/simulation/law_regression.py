@@ -48,7 +48,7 @@ from geometry.arrays import Array
 from geometry.design import LAWS, LEAST_ALPHA, SILICONE_E, BadInput, Design
 from studies.output import page_templates
 from studies.output.records import FlatRow
-from studies.simulation.material_tests import STRESS, Specimen
+from studies.simulation.material_tests import STRESS, TRUE_STRESS, Specimen
 
 Criterion = Literal["AICc", "fewest constants"]
 
@@ -462,7 +462,8 @@ def _warnings(
     fit: Fit, data: Specimen, spread: float, farther: Fit | None, *, possible: bool, in_test: bool
 ) -> list[str]:
     spec = Design.__dataclass_fields__["E"].metadata
-    units = {name.rpartition("_")[2]: fit.E * factor / STRESS[data.column] for name, factor in STRESS.items()}
+    stated = (STRESS | TRUE_STRESS)[data.column]
+    units = {name.rpartition("_")[2]: fit.E * factor / stated for name, factor in STRESS.items()}
     no_compression = data.stretch.min() > PRESSED and spread > SPREAD
     return sentences(
         "law",
@@ -477,6 +478,7 @@ def _warnings(
         small_strain=max(SMALL_STRAIN, data.least_strain),
         extrapolated=data.least_strain > SMALL_STRAIN,
         compression=PRESSED if no_compression else None,
+        compressed=data.stretch.min(),
         spread=spread,
         in_test=in_test,
         ends_early=not in_test or not within({"planar": RANGE}, fit.stable),

@@ -34,13 +34,16 @@ def _in_units(*names: str, of: str = "MPa") -> dict[str, float]:
 
 STRESS = _in_units("nominal_stress")
 """Columns of the force over the first cross-section, and their unit in MPa."""
+TRUE_STRESS = _in_units("true_stress")
+"""Columns of the force over the cross-section at that moment, and their unit in MPa: in a uniaxial test of an
+incompressible bar the nominal stress times the stretch."""
 TIME = _in_units("time", of="s")
 FREQUENCY = {"frequency_Hz": 1.0, "angular_frequency_rad_per_s": 1 / (2 * math.pi)}
 RAMP = {"ramp_s": 1.0}
 MODULUS = _in_units("youngs_modulus", "shear_modulus")
 STORAGE = _in_units("storage_modulus", "shear_storage_modulus")
 LOSS = _in_units("loss_modulus", "shear_loss_modulus") | {"tan_delta": 1.0}
-KNOWN = {*TIME, *FREQUENCY, *RAMP, *STRETCH, *STRESS, *MODULUS, *STORAGE, *LOSS}
+KNOWN = {*TIME, *FREQUENCY, *RAMP, *STRETCH, *STRESS, *TRUE_STRESS, *MODULUS, *STORAGE, *LOSS}
 
 LOWEST, HIGHEST, MOST_STRESS = 0.05, 20.0, 1e5
 WRONG_SIGN = 0.2
@@ -134,7 +137,7 @@ class _Table(table_input.Measured):
             units = [other for other in wanted if other.casefold().startswith(f"{name.casefold()}_")]
             if units and not same:
                 raise BadInput(f"{self.where}: the name of column {name!r} has no unit: call it {' or '.join(units)}")
-            if meant := same or closest(name, wanted):
+            if meant := same or misspelt(name, wanted):
                 raise BadInput(f"{self.where}: there is no column {name!r}: did you mean {meant}?")
         got = ", ".join(filter(None, self.heads))
         raise BadInput(f"{self.where}: the header needs a column {' or '.join(wanted)}; got {got!r:.80}")
@@ -179,6 +182,24 @@ class _Table(table_input.Measured):
         return float(values[-1])
 
 
+def misspelt(name: str, wanted: Iterable[str]) -> str | None:
+    """Return the wanted name that is most like another one of the same unit and number of words; None without one.
+
+    Neither another unit nor another quantity is a misspelling.
+
+    >>> misspelt("nominal_stres_kPa", STRESS), misspelt("nominal_stress_psi", STRESS), misspelt("stress_kPa", STRESS)
+    ('nominal_stress_kPa', None, None)
+    """
+    unit, words = name.rpartition("_")[2], name.split("_")
+
+    def alike(other: str) -> bool:
+        pairs = zip(words, other.split("_"), strict=False)
+        same_length = len(words) == other.count("_") + 1
+        return same_length and all(closest(one, [two]) for one, two in pairs) and other.endswith(f"_{unit}")
+
+    return closest(name, [other for other in wanted if alike(other) or "_" not in name])
+
+
 def kind_of(path: str) -> Kind:
     """Return the kind of a test, by the first words in the names of its columns."""
     table = _Table(path)
@@ -196,19 +217,21 @@ def kind_of(path: str) -> Kind:
 
 
 def read_specimen(path: str) -> Specimen:
-    """Read the uniaxial test in a CSV file: one column of `STRETCH` and one of `STRESS`."""
+    """Read the uniaxial test in a CSV file: one column of `STRETCH` and one of `STRESS` or `TRUE_STRESS`."""
     table = _Table(path)
     if not table.heads:
         raise BadInput(f"{path!r} is empty: give a header, such as stretch,nominal_stress_MPa, and points")
-    along, across = table.column(STRETCH), table.column(STRESS)
+    along, across = table.column(STRETCH), table.column(STRESS | TRUE_STRESS)
     offset, factor = STRETCH[along]
     stretch = offset + table.values({along: factor}, 1)[1]
-    stress = table.values({across: STRESS[across]}, 1)[1]
+    stress = table.values({across: (STRESS | TRUE_STRESS)[across]}, 1)[1]
     unit = ": check the column's unit"
     outside = (stretch < LOWEST) | (stretch > HIGHEST)
     table.refuse(outside, along, f"the stretch must lie between {LOWEST:g} and {HIGHEST:g}", stretch, unit)
     large = np.abs(stress) > MOST_STRESS
     table.refuse(large, across, f"the stress must lie within {MOST_STRESS:g} MPa", stress, f" MPa{unit}")
+    if across in TRUE_STRESS:
+        stress = stress / stretch
     if (stretch == 1).all():
         raise BadInput(f"{path!r} has no data at a stretch other than 1: a fit needs at least one point")
     for name, values in ((along, stretch), (across, stress)):
