@@ -312,3 +312,11 @@ def test_a_stream_carries_what_the_decoder_does(level):
     coder = decoder(paper(), decode_readings.of_level(paper(), level))
     readings = decode_readings.in_tesla(coder.forward.elements, [[float(v) for v in AT_REST.split(",")]], "V")
     assert Stream(coder).step(tuple(readings[0])).force == tuple(decode(coder, readings).force[0]) == (0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("rails", [["hall_gain=1e6"], ["hall_low=2.8", "hall_null=2.85", "hall_high=2.9"]])
+def test_a_sensor_that_reads_its_rails_at_rest_is_refused(run, rails):
+    sets = [token for each in rails for token in ("--set", each)]
+    status, out, err = run("decode", "paper", "--readings", "2.86,2.82,2.84", *sets)
+    assert (status, out) == (2, "")
+    assert "S1 reads the same in all made sensors at rest, as it does at a rail" in err

@@ -142,3 +142,9 @@ def test_the_moving_mass_gives_the_natural_frequency_of_the_axial_spring_with_th
     design = replace(paper(), magnet_height=3.0, density=1100.0)
     stiffness = design.E * math.pi * design.R**2 / design.L
     assert natural_frequency(stiffness, moving_mass(design)) == pytest.approx(modes.spring_mass(design)[1], rel=1e-12)
+
+
+def test_a_press_below_rounding_has_no_mesh_and_says_so(run):
+    status, _, err = run("modes", "paper", "--depth", "1e-300", "--accuracy", "quick")
+    assert status == 3
+    assert "the depth must be more than 1e-14 D, the rounding of lengths; got 1.25e-301 D" in err
