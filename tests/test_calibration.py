@@ -317,6 +317,22 @@ def test_stream_and_decode_agree_behind_a_frozen_element(calibration):
         assert_allclose([row[k] for row in rows], [row[name] for row in decoded], rtol=1e-6, atol=1e-9)
 
 
+def test_a_row_without_a_time_has_an_interval_that_holds_for_any_speed(calibration):
+    found = calibration[0]
+    shift = np.array([[0.0, 0.0, 0.0], [0.1, 0.0, -0.4], [0.2, 0.0, -0.8]])
+    volts, nothing = decoder_export.outputs_at(calibrated_forces.coder_of(found), shift.T), np.full(3, np.nan)
+
+    def rows(times):
+        decoder = live_stream.Calibrated(found, 0.0, warm=False)
+        return [row[:1] + row[3:4] + row[9:] for row in decoder.rows(times, volts, nothing)]
+
+    untimed = rows([math.nan] * 3)
+    assert [row[0] for row in untimed[1:]] == ["untimed"] * 2
+    for seconds in (1e-9, 1e-3, 1.0, 1e3, 1e9):
+        for (_, F, half), (_, exact, _) in zip(untimed[1:], rows((seconds * np.arange(3)).tolist())[1:], strict=True):
+            assert abs(F - exact) <= half
+
+
 def test_a_wrong_force_and_a_copied_row_are_named_also_when_the_calibration_is_used(bench, run, tmp_path):
     table = pd.read_csv(bench[1][0])
     table.loc[4, "F_z [N]"] *= 10

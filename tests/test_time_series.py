@@ -161,3 +161,30 @@ def test_bad_times_are_a_sentence(refusal, tmp_path, text, tokens, words):
     path = tmp_path / "rows.csv"
     path.write_text(text, encoding="utf-8")
     assert words in refusal("decode", "paper", "--file", path, *tokens)
+
+
+def test_the_slow_force_of_a_row_without_a_time_misses_its_force_by_its_reach_at_most():
+    """Whatever the speed, after any motion."""
+    rng = np.random.default_rng(4)
+    design = Design(prony="0.2:0.01 0.3:1 0.1:100")
+    for _ in range(20):
+        law, time, closest = RelaxingForce(design), 0.0, 0.0
+        law.step(time, np.zeros(3), np.zeros(2))
+        for _ in range(30):
+            time += 10 ** rng.uniform(-6, 4)
+            force, shear = rng.normal(size=3), 0.3 * rng.normal(size=2)
+            off = np.linalg.norm(law.step(time, force, shear) - law.slow * force)
+            assert off <= law.reach(force, shear) * (1 + 1e-9)
+            closest = max(closest, off / law.reach(force, shear))
+        assert closest > 0.3
+        assert law.step(math.nan, force, shear).tolist() == (law.slow * force).tolist()
+
+
+def test_rows_without_times_are_checked_and_the_next_one_is_after_a_gap():
+    coder = decoder(Design())
+    rng, rest = np.random.default_rng(1), np.array([0.01, 0.02, 0.03])
+    past, rows = TimeSeries(coder), rest + 1e-6 * rng.normal(size=(20, 3))
+    rows[15] += 0.02
+    times = [*[math.nan] * 17, 0.0, 0.1, 0.2]
+    found = [past.step(time, row, "ok", np.ones(3), np.zeros(3))[0] for time, row in zip(times, rows, strict=True)]
+    assert found == [*["untimed"] * 15, "jump", "untimed", "after_gap", "ok", "ok"]
