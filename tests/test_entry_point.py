@@ -1,5 +1,6 @@
 """The command line: verbs and contract, exit statuses, streams, interrupts, and one sentence for bad input."""
 
+import errno
 import json
 import os
 import re
@@ -12,6 +13,7 @@ from pathlib import Path
 import pytest
 from test_layers import HEAVY
 
+from studies.cli import commands
 from studies.cli.commands import ACTIONS, _joined, app
 from studies.cli.parameters import LEFT_OUT, command
 from studies.output import atomic_files
@@ -350,3 +352,34 @@ def test_a_closed_standard_output_leads_nowhere(tmp_path):
     """Nothing that is printed may end in a file that gets the number of the closed stream."""
     run = shell(">&-", "table", "paper", "--step", "1", "--plane", "--out", "t.npy", cwd=tmp_path)
     assert (run.returncode, (tmp_path / "t.npy").read_bytes()[:6]) == (0, b"\x93NUMPY")
+
+
+def test_a_name_that_is_no_text_is_a_sentence_and_spoils_no_report(refusal, run, tmp_path):
+    name = os.fsdecode(b"a\xffb")
+    assert "'a\\udcffb.toml' is not UTF-8: rename the file" in refusal("design", f"{name}.toml")
+    assert "is not UTF-8" in refusal("cad", "paper", "--out", name)
+    folder = tmp_path / "results"
+    (folder / name).mkdir(parents=True)
+    (folder / name / "sweep.csv").write_text("a\n1\n")
+    (folder / f"{name}.csv").write_text("a\n1\n")
+    (folder / "press.csv").write_text("depth_mm,fem_force_N,analytic_force_N,status\n1,2,3,ok\n")
+    status, _, err = run("report", folder)
+    assert status == 0
+    assert err.count("'a\\udcffb.csv' was not read: its name is not UTF-8") == 1
+    assert err.count("'a\\udcffb' was not read") == 1
+
+
+@pytest.mark.parametrize("number", [errno.ENOSPC, errno.EACCES, errno.EISDIR, errno.EAGAIN, errno.ECONNREFUSED, None])
+def test_only_errors_of_files_have_a_remedy(number, monkeypatch, capsys):
+    """Any other error of the system is a bug, whose traceback says where it is."""
+
+    def fails(stream):
+        raise OSError(number, "text", "there")
+
+    monkeypatch.setattr(commands.console, "Output", fails)
+    if number in (errno.ENOSPC, errno.EACCES, errno.EISDIR):
+        assert commands.run(["design", "paper"]) == 2
+        assert f"cannot write or read 'there' (text): {commands.OF_FILES[number]}\n" in capsys.readouterr().err
+    else:
+        with pytest.raises(OSError, match="text"):
+            commands.run(["design", "paper"])

@@ -6,6 +6,7 @@ import shutil
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from browser import drag, opened, said, wait
 from explorer_scripts import RATIO
@@ -14,8 +15,8 @@ from fem import equilibrium
 from fem.accuracy import QUICK
 from geometry.design import paper
 from geometry.loads import Load
-from studies.output import vtk_files
-from studies.web import report_page
+from studies.output import provenance, vtk_files
+from studies.web import folder_contents, report_page, report_sections
 
 RESULTS = Path(__file__).resolve().parent.parent / "results"
 HOSTILE = '</script><script>window.hacked = 1</script><img src=x onerror="window.hacked = 1">'
@@ -268,3 +269,23 @@ def test_folders_of_one_title_are_told_apart(tmp_path):
     text = Path(report_page.report(tmp_path, solve=False)["file"]).read_text("utf-8")
     assert "Sweep (one)" in text
     assert "Sweep (two)" in text
+
+
+def test_a_table_that_contradicts_itself_has_no_figure_and_a_bug_of_a_figure_is_one(tmp_path, monkeypatch):
+    row = dict.fromkeys((*report_sections.ASSUMPTION, "D_mm", "L_mm"), 1.0) | {"status": "ok", "shear_mm": 0.0}
+    contents = folder_contents.Contents(tmp_path, "", pages={"ASSUMPTION.md": "# x"})
+    contents.tables["sweep.csv"] = pd.DataFrame([row, row])
+    remarks = report_sections.section(contents, solve=False).remarks
+    assert remarks == ["sweep.csv has no figure: two rows of the table are one cell of magnet 1 D high, nu 1."]
+
+    def broken(table):
+        raise KeyError("a bug")
+
+    monkeypatch.setattr(report_sections.paper_figures, "assumption", broken)
+    with pytest.raises(KeyError, match="a bug"):
+        report_sections.section(contents, solve=False)
+
+
+def test_a_record_of_other_fields_names_no_design(tmp_path):
+    contents = folder_contents.Contents(tmp_path, "", run=provenance.Run("", "Made", {"D": 8.0, "colour": "red"}))
+    assert report_sections.design_of(contents) is None

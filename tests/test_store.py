@@ -282,3 +282,18 @@ def test_damage_of_a_large_store_is_found_where_it_is_read(file, large, refused,
             kept.states({"k": 200})
         with refused("is damaged"):
             kept.add({"k": 900}, [PRESSED])
+
+
+def test_a_schema_that_is_no_text_is_a_damaged_store(file, refused):
+    """SQLite quotes the name of the damaged index in its message."""
+    with store.opened(file):
+        pass
+    with sqlite3.connect(file) as connection:
+        connection.execute("PRAGMA journal_mode = DELETE")
+    connection.close()
+    content = file.read_bytes()
+    assert content.count(b"sqlite_autoindex_about_1") == 1
+    file.write_bytes(content.replace(b"sqlite_autoindex_about_1", b"sqlite_autoindex_abo\x8ct_1"))
+    for context in (store.readable, store.opened):
+        with refused("is damaged"), context(file):
+            pass

@@ -29,6 +29,7 @@ from cyclopts import (
 from geometry.bad_input import OutOfReach, SolveFailed
 from geometry.design import BadInput
 from studies.output import console
+from studies.output.literals import is_text
 from studies.output.result import BAD, BROKEN_PIPE, FAILED, GOOD, INTERRUPTED
 
 NEGATIVE = re.compile(r"-[\d.]\S*[,%]|-$")
@@ -166,6 +167,17 @@ REMEDIES: dict[type[Exception], Callable[[Any], str]] = {
 }
 
 
+SPACE, PLACE = "make space on its disk, or choose another folder", "choose another folder"
+RIGHTS, NAME = "change its permissions, or choose another folder", "choose another name"
+OF_FILES: dict[int | None, str] = {
+    errno.ENOSPC: SPACE, errno.EDQUOT: SPACE, errno.EFBIG: SPACE, errno.EACCES: RIGHTS, errno.EPERM: RIGHTS,
+    errno.EROFS: PLACE, errno.ENOENT: PLACE, errno.ENXIO: PLACE, errno.EIO: PLACE, errno.ESTALE: PLACE,
+    errno.EISDIR: NAME, errno.ENOTDIR: NAME, errno.EEXIST: NAME, errno.ENOTEMPTY: NAME, errno.ENAMETOOLONG: NAME,
+    errno.ELOOP: NAME, errno.ETXTBSY: NAME, errno.EBUSY: NAME,
+}  # fmt: skip
+"""Remedies for what the system says of files; any other error of the system is a bug."""
+
+
 def run(tokens: list[str] | None = None) -> int:
     """Run one command line (default: that of the process) and return its exit status."""
     console.complete_streams()
@@ -176,6 +188,9 @@ def run(tokens: list[str] | None = None) -> int:
         if not word or (word.startswith("--") and word.endswith("=") and word.count("=") == 1):
             name = word.removesuffix("=") or (before if before.startswith("--") else "an argument")
             console.say(f"magtip: {name} is empty: give it a value, or leave it out")
+            return BAD
+        if not is_text(word):
+            console.say(f"magtip: {word!a} is not UTF-8: rename the file or folder, or type the value again")
             return BAD
     try:
         with contextlib.redirect_stdout(console.Output(sys.stdout)):
@@ -199,8 +214,10 @@ def run(tokens: list[str] | None = None) -> int:
         console.say(f"magtip: cannot write to standard output ({error.strerror}): redirect it elsewhere")
         return BAD
     except OSError as error:
+        if error.errno not in OF_FILES:
+            raise
         name = repr(error.filename) if error.filename else "a file"
-        console.say(f"magtip: cannot write or read {name} ({error.strerror or error}): choose another folder")
+        console.say(f"magtip: cannot write or read {name} ({error.strerror or error}): {OF_FILES[error.errno]}")
         return BAD
     except KeyboardInterrupt as stop:
         console.say(f"magtip: interrupted; {str(stop) or 'any complete files are kept'}")

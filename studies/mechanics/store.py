@@ -297,6 +297,9 @@ def refusals(file: Path) -> Iterator[None]:
         yield
     except sqlite3.Error as error:
         raise BadInput(_refusal(file, error)) from None
+    except UnicodeDecodeError:
+        # a name in the file, of which a message of SQLite consists, is none
+        raise BadInput(_refusal(file, sqlite3.DatabaseError("its schema is no text"))) from None
 
 
 def _refusal(file: Path, error: sqlite3.Error) -> str:

@@ -467,7 +467,7 @@ def _styles(data: pd.DataFrame, look: Look, *, marked: bool) -> tuple[dict[str, 
         return kind(field=column, type="nominal", scale=alt.Scale(domain=names, **more), legend=legend, sort=None)
 
     dashes = style(alt.StrokeDash, "dash", DASHES, named=not marked) if "dash" in data else None
-    if look.dashed:
+    if look.dashed and "series" in data:
         dashes = style(alt.StrokeDash, "series", DASHES)
     return (
         {"color": style(alt.Color, "series")} if "series" in data else {},

@@ -45,6 +45,15 @@ def one_line(text: str) -> str:
     return "".join(letter if letter.isprintable() else "?" for letter in text)
 
 
+def is_text(name: str) -> bool:
+    r"""Return whether a name is UTF-8: no text holds the letters by which Python stands for other bytes.
+
+    >>> is_text("é"), is_text("\udcff")
+    (True, False)
+    """
+    return not any("\ud800" <= letter <= "\udfff" for letter in name)
+
+
 def in_comment(text: str) -> str:
     """Return a text for a comment of C, which it can neither end nor begin.
 

@@ -184,7 +184,7 @@ def _resume(part: Path, note: Path, key: str, slab: int) -> tuple[int, int]:
         # after a power failure the note may be on the disk, but not all slabs that it counts
         if progress["key"] == key and part.stat().st_size >= offset + done * slab:
             return done, offset
-    except (OSError, ValueError, KeyError, TypeError):
+    except (FileNotFoundError, ValueError, KeyError, TypeError):
         pass
     return 0, 0
 
@@ -197,10 +197,11 @@ def read(file: Path, design: Design) -> tuple[Array, dict[str, Any]]:
     try:
         about = json_object(file.with_suffix(".json"))
         table = np.load(file, mmap_mode="r")
-        fits = table.shape == tuple(about["shape"]) and np.isfinite(about["tau"]).all()
-    except (OSError, ValueError, KeyError, TypeError):
-        fits = False
-    if not fits:
+    except (OSError, ValueError, EOFError):
+        about = {}
+    tau = about.get("tau")
+    known = isinstance(tau, list) and all(isinstance(t, (int, float)) and math.isfinite(t) for t in tau)
+    if not known or about.get("shape") != list(table.shape):
         raise BadInput(
             f"{str(file)!r} is not a table of magtip, or its .json file belongs to another table: "
             "make it with magtip table"

@@ -19,6 +19,7 @@ from geometry.loads import ANSWERED
 from studies.inputs import table_input, user_input
 from studies.output import own_files, provenance
 from studies.output.bounded_files import LARGEST, MOST_BYTES, MOST_ROWS, json_object, text_of
+from studies.output.literals import is_text
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -90,7 +91,7 @@ def read(root: Path) -> list[Contents]:
 def _folders(root: Path) -> Iterator[Path]:
     """Yield the folder and its sub-folders by name, without hidden ones."""
     for count, (path, names, _) in enumerate(os.walk(root)):
-        names[:] = sorted(name for name in names if not name.startswith((".", "__")))
+        names[:] = sorted(name for name in names if is_text(name) and not name.startswith((".", "__")))
         if count == MOST_FOLDERS:
             raise BadInput(
                 f"the folder {str(root)!r} has more than {MOST_FOLDERS} sub-folders: give a folder of results"
@@ -101,7 +102,9 @@ def _folders(root: Path) -> Iterator[Path]:
 def _folder(path: Path, root: Path) -> Contents:
     contents = Contents(path, "" if path == root else path.relative_to(root).as_posix())
     for file in sorted(path.iterdir()):
-        if file.is_file() and not file.name.startswith(".") and file.suffix.lower() not in IGNORED:
+        if not is_text(file.name):
+            contents.unread.append(f"{file.name!a} was not read: its name is not UTF-8: rename it.")
+        elif file.is_file() and not file.name.startswith(".") and file.suffix.lower() not in IGNORED:
             try:
                 _read_file(contents, file)
             except provenance.Newer as error:

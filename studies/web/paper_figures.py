@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from analytic import beam
+from geometry.design import BadInput
 from studies.output.figures import ERROR_EDGES, Figure, Guide, Look, heat, long, numbers, plot, texts
 
 if TYPE_CHECKING:
@@ -38,7 +39,7 @@ def cells(table: pd.DataFrame) -> pd.DataFrame:
 
     Raises
     ------
-    ValueError
+    BadInput
         Two rows belong to one cell; `studies.validation.assumption.plan_of` refuses such studies.
     """
     lengths = {"height": "magnet_height_mm", "slenderness": "L_mm", "depth": "depth_mm", "shear": "shear_mm"}
@@ -56,7 +57,7 @@ def cells(table: pd.DataFrame) -> pd.DataFrame:
     place = ["nu", "height", "kind", "depth", "shear", "slenderness"]
     if (twice := found.duplicated(place)).any():
         row = found[twice].iloc[0]
-        raise ValueError(f"two rows of the table are one cell of {body(row.height)}, nu {row.nu:g}")
+        raise BadInput(f"two rows of the table are one cell of {body(row.height)}, nu {row.nu:g}")
     return found.sort_values(place, ascending=[name != "nu" for name in place], ignore_index=True)
 
 

@@ -21,6 +21,7 @@ from geometry.loads import Load
 from geometry.messages import Progress
 from studies.output import atomic_files, provenance
 from studies.output.figures import Figure
+from studies.output.literals import one_line
 from studies.output.text_tables import quantity_name
 from studies.web import folder_contents, report_sections
 from studies.web.page_content import PAGE, as_json, lead_of, page_html, page_theme, sources, title_of
@@ -123,7 +124,7 @@ def page(folder: Path, sections: Sequence[Section], command: str) -> str:
         *([(PAGE / "vendor" / "three.js").read_text("utf-8")] if data["surfaces"] else []),
         *((PAGE / f"{name}.js").read_text("utf-8") for name in SCRIPTS),
     ]
-    title = folder.resolve().name or str(folder)
+    title = one_line(folder.resolve().name or str(folder))
     count = len(data["figures"]) + len(data["surfaces"])
     text = environment.get_template("report.html.jinja").render(
         generator=GENERATOR,

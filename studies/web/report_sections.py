@@ -15,7 +15,7 @@ from geometry.design import BadInput, Design, paper
 from geometry.loads import ANSWERED, Load, Magnet
 from studies.inputs import study_input, user_input
 from studies.mechanics.study_cases import load_of, varied
-from studies.output import deformed_body
+from studies.output import deformed_body, provenance
 from studies.output.figures import Figure
 from studies.sensitivity import uncertainty_figures
 from studies.simulation import comparison_figures, critical_depths, time_figures
@@ -49,7 +49,10 @@ KNOWN = (
     Known("shear.csv", ("shear_mm", "fem_force_x_N", "analytic_force_x_N"), comparison_figures.shear, ("shear.png",)),
     Known("states.jsonl", ("depth_mm", "status"), comparison_figures.states),
     Known(
-        "trade.csv", ("kind", "model", "level", "cost", "force_error_percent"), verdict_figures.trade, ("trade.png",)
+        "trade.csv",
+        ("kind", "model", "level", "cost", "force_error_percent", "status"),
+        verdict_figures.trade,
+        ("trade.png",),
     ),
     Known("extremes.csv", ("scene", "verdict", "measured", "bound"), verdict_figures.robustness),
     Known("verify.csv", ("target", "quantity", "error_percent", "tolerance_percent"), verdict_figures.verification),
@@ -58,7 +61,7 @@ KNOWN = (
     Known("crosscheck.csv", ("force_difference_percent", "agree"), verdict_figures.crosscheck),
     Known("stability.csv", ("L_over_D", "critical_depth_mm"), critical_depths.figures, ("stability.png",)),
     Known("field.csv", ("region", "height_per_radius", "compiled"), verdict_figures.field),
-    Known("ladder.csv", ("level", "outside", "press_force_error"), verdict_figures.ladder, ("ladder.png",)),
+    Known("ladder.csv", ("level", "outside", "press_force_error", "status"), verdict_figures.ladder, ("ladder.png",)),
     Known("ladder.csv", ("motion", "model", "natural_Hz"), None),
     Known("response.csv", ("motion", "frequency_Hz"), time_figures.response, ("response_z.png", "response_x.png")),
     Known("cycle.csv", ("law", "time_s", "cycle", "depth_mm", "shear_mm"), time_figures.cycle, ("cycle.png",)),
@@ -115,8 +118,8 @@ def section(contents: Contents, *, solve: bool) -> Section:
     for name, table in contents.tables.items():
         try:
             figures, pictures, remark = _figures_of(name, table, assumption=assumption)
-        except (ValueError, KeyError, IndexError, TypeError) as error:
-            figures, remark = [], f"{name} has no figure: it is incomplete ({type(error).__name__}: {error})."
+        except BadInput as error:
+            figures, pictures, remark = [], (), f"{name} has no figure: {error}."
         drawn = [replace(figure, source=name) for figure in figures if len(figure.data)]
         result.figures.extend(drawn)
         result.remarks.extend([remark] if remark else [])
@@ -308,7 +311,7 @@ def _largest_state(table: pd.DataFrame, base: Design) -> tuple[Design, Load] | N
     fields = {k: v for k, v in case.items() if k in study_input.DESIGN and v != getattr(base, k)}
     try:
         return varied(base, fields), load_of({name: v for name, v in case.items() if name in study_input.LOAD})
-    except (BadInput, TypeError):
+    except BadInput:
         return None
 
 
@@ -324,8 +327,9 @@ def design_of(contents: Contents) -> Design | None:
     """Return the design that a folder names: by the record of its run, by its only design file, or by its kind."""
     if contents.run is not None and contents.run.design:
         try:
+            user_input.check_keys(provenance.NAME, contents.run.design, user_input.FIELDS)
             return user_input.design_from("paper", contents.run.design, "rigid")
-        except (BadInput, TypeError):
+        except BadInput:
             return None
     if len(contents.designs) == 1:
         return next(iter(contents.designs.values()))
