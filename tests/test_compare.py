@@ -50,6 +50,18 @@ def test_press_rows_are_the_models_own_answers(found):
         assert row["status"] == "ok"
 
 
+def test_a_beam_that_gave_way_has_no_error_along_the_shear():
+    names = ("force_x_N", "force_z_N", "force_N", "shift_x_mm", "shift_z_mm", "contact_radius_mm", "tilt_rad")
+    values = dict.fromkeys(names, 1.0) | {"shear_mm": [0.0, 1.0, 2.0], "depth_mm": 0.8, "tilt_y_rad": 0.0}
+    values |= {"shift_y_mm": 0.0, "error_estimate": 0.01, "sideways_error_estimate": 0.01}
+    whole = pd.DataFrame(values).assign(status="ok", message="")
+    pushed = whole.assign(force_x_N=[0.0, 0.5, -0.5])
+    bare = Design(magnet_diameter=0.0, magnet_height=0.0)
+    rows = comparison_rows.table("shear", bare, {"fem": pushed, "fem_homogeneous": whole, "analytic": whole})
+    assert rows["force_x_error_percent"].tolist() == pytest.approx([math.nan, 100.0, math.nan], nan_ok=True)
+    assert rows["homogeneous_force_x_error_percent"].tolist() == pytest.approx([math.nan, 0.0, 0.0], nan_ok=True)
+
+
 def test_shear_rows_carry_the_tilt_and_its_absence(found):
     still, moved = found["shear"]
     assert math.isnan(still["force_x_error_percent"])
@@ -119,6 +131,8 @@ def test_a_chip_has_its_own_columns_in_mT():
     assert "Output of chip -z" in text
     assert "chip x" in text
     assert "S2" not in text
+    lost = findings(design, press, shear.assign(force_x_error_percent=math.nan))
+    assert "the beam gave way" in " ".join(lost["sentences"])
 
 
 ONE = replace(paper(), prony="0.5:2 0:1e-9 0:1e9", modulus="long-term")
