@@ -13,8 +13,9 @@ covered if the intervals of all of its states hold it.
 import itertools
 import tempfile
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -213,6 +214,8 @@ def widest_points(process: GaussianProcess, points: Array, weight: Array, count:
 # Errors in states, and the scaling of the intervals to them
 
 BEAM = ("L_over_D", "magnet_diameter_over_D", "magnet_height_over_D")
+HALF = 0.5
+"""Share of the range of the depths, in their roots, beyond which a press is deep."""
 
 
 def scores(rows: pd.DataFrame) -> Array:
@@ -279,17 +282,37 @@ def _scaled(group: Group, kind: str, rows: pd.DataFrame) -> Group:
     for name, values in group.quantiles.items():
         wanted = ("critical depth", "depth") if name == CRITICAL else (kind, name)
         own = rows[(rows.kind == wanted[0]) & (rows.quantity == wanted[1])]
-        # the quantiles of shears have the regions twice: above light and above deep presses
-        scale = 1.0 if own.empty else np.tile(_factors(own), (len(values) // prediction.REGIONS, 1))
-        quantiles[name] = values * scale
+        if own.empty:
+            quantiles[name] = values
+        elif wanted[0] == "press":
+            quantiles[name] = values * _press_factors(own)
+        else:
+            # the quantiles of shears have the regions twice: above light and above deep presses
+            quantiles[name] = values * np.tile(_factors(own), (len(values) // prediction.REGIONS, 1))
     return replace(group, quantiles=quantiles)
 
 
-def _factors(rows: pd.DataFrame) -> Array:
+def _press_factors(rows: pd.DataFrame) -> Array:
+    """Return the factors on the quantiles of presses, by region and node, shape (REGIONS, PRESS_NODES).
+
+    Errors of light presses are larger over their intervals than those of deep ones, which medians tell; one factor on
+    both gives the coverage.
+    """
+    beam = [rows[name].to_numpy() for name in BEAM]
+    low, high = np.sqrt(surrogate_range.SHALLOWEST), np.sqrt(surrogate_range.deepest(*beam))
+    deep = (np.sqrt(rows.depth_over_D.to_numpy()) - low) / (high - low) > HALF
+    light_size, deep_size = (_factors(rows[part], partial(np.median, axis=0)) for part in (~deep, deep))
+    region = prediction.beam_region(*beam)
+    own = np.where(deep, deep_size[region, 0], light_size[region, 0])
+    factor = _factors(rows.assign(interval_percent=rows.interval_percent * own))
+    return np.asarray(factor * np.where(prediction.root_shares() > HALF, deep_size, light_size))
+
+
+def _factors(rows: pd.DataFrame, quantile: Callable[[Array], Array] = training.conformal_quantile) -> Array:
     beams = rows.assign(score=scores(rows)).groupby("beam", sort=False)
     first, worst = beams.first(), beams["score"].max().to_numpy()
     region = prediction.beam_region(*(first[name].to_numpy() for name in BEAM))
-    return training.quantiles_by_region(worst[:, None], region)
+    return training.quantiles_by_region(worst[:, None], region, quantile=quantile)
 
 
 def _rows(
