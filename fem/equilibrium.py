@@ -25,7 +25,7 @@ from fem.solution import Solution
 from fem.solve.load_case_models import path_models, split_by_mesh
 from fem.solve.load_stepping import Path
 from geometry.design import Design
-from geometry.loads import Load, Magnet
+from geometry.loads import ANSWERED, Load, Magnet
 from geometry.messages import Progress
 
 __all__ = ["solve", "trace", "walk"]
@@ -137,7 +137,7 @@ def walk(scene: Scene, *, estimate: bool = True, progress: Progress | None = Non
         for state in states:
             coarse_state = None if coarse_states is None else next(coarse_states, None)
             yield state if coarse_state is None else with_estimates(state, coarse_state, scene)
-        if state.status not in ("ok", "unstable"):
+        if state.status not in ANSWERED:
             return
         done += len(loads)
 
@@ -171,10 +171,11 @@ def _follow(scene: Scene, report: Callable[[int, Load], None] | None, *, watch: 
             state, scene, load, reached.stop, iterations=reached.iterations, seconds=seconds, margin=margin
         )
         yield solution
-        if solution.status not in ("ok", "unstable"):
+        if solution.status not in ANSWERED:
             return
 
 
 def sideways_model(scene: Scene, path: Path) -> SidewaysModel:
     """Return the model in which the axisymmetric states of a path are checked for sideways stability."""
-    return SidewaysModel(path.rest.d, scene.accuracy.harmonics if scene.sideways else 1)
+    accuracy = scene.accuracy
+    return SidewaysModel(path.rest.d, accuracy.section_size, accuracy.harmonics if scene.sideways else 1)

@@ -17,7 +17,7 @@ CREASE = 2.4
 """Stretch normal to a free surface over the least one along it, from which on it creases (see
 `fem.results.silicone_limits`)."""
 
-Status = Literal["ok", "not_converged", "unstable", "no_contact"]
+Status = Literal["ok", "unstable", "unknown", "not_converged", "no_contact"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,11 +38,12 @@ class Facts:
     remark : the most important limitation of the answer, a key of `fem.results.diagnostics.REMARKS`; None if there
         is none. "given_way": the tip has buckled to a
         side that the mesh chose. "leaning": an imperfection led it there. "guided_only": the tip would buckle if it
-        were free to slide; "guided_unknown": whether it would is not known; "guided_unchecked": it was not looked
-        at; "nearly_guided_only": it is close to
-        that. "pulled": a glued plate pulls at the tip.
+        were free to slide; "guided_doubtful": the mesh does not tell whether it would, so near the critical depth;
+        "guided_unknown": it is not known for another reason; "guided_unchecked": it was not looked at;
+        "nearly_guided_only": it is close to that. "pulled": a glued plate pulls at the tip.
     sideways_stiffness_ratio : lateral stiffness of a frictionless press with a tip free to slide, over that of the
         unloaded beam; 0 where it buckles. None where it was not computed (see `fem.results.lateral_stiffness`).
+    sideways_half_width : half width of this ratio; within it of zero the verdict is unknown.
     critical_depth : estimated critical depth, mm, to some 10 %; None far from it (see
         `fem.results.lateral_stiffness`). `fem.analyses.stability` computes it with an error estimate.
     crease_ratio : largest ratio of the stretches normal to the free skin and along it, which creases beyond CREASE
@@ -61,6 +62,7 @@ class Facts:
     inverted_share: float | None = None
     remark: str | None = None
     sideways_stiffness_ratio: float | None = None
+    sideways_half_width: float | None = None
     critical_depth: float | None = None
     largest_strain: float | None = None
     harmonics_missing: int = 0
@@ -82,7 +84,8 @@ class Facts:
         """
         if self.onset or self.creased or self.remark in ("given_way", "guided_only"):
             return "unstable"
-        return "unknown" if self.remark in ("guided_unknown", "guided_unchecked") else self.stability.verdict
+        unknown = ("guided_doubtful", "guided_unknown", "guided_unchecked")
+        return "unknown" if self.remark in unknown else self.stability.verdict
 
     @property
     def status(self) -> Status:
@@ -90,14 +93,16 @@ class Facts:
 
         >>> Facts().status, Facts(stability=Stability(2)).status, Facts("no_convergence").status
         ('ok', 'unstable', 'not_converged')
-        >>> Facts(remark="guided_only").status, Facts(crease_ratio=3.0).status
-        ('unstable', 'unstable')
+        >>> Facts(remark="guided_only").status, Facts(crease_ratio=3.0).status, Facts(remark="guided_doubtful").status
+        ('unstable', 'unstable', 'unknown')
         """
         if self.stop:
             return "not_converged"
         if self.remark == "no_touch":
             return "no_contact"
-        return "unstable" if self.verdict == "unstable" else "ok"
+        if self.verdict == "unstable":
+            return "unstable"
+        return "unknown" if self.remark == "guided_doubtful" else "ok"
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,7 +22,7 @@ __all__ = ["Load", "Response"]
 Magnet = Literal["rigid", "ignored"]
 Waveform = Literal["triangle", "sine"]
 Angle = TypeVar("Angle", float, "NDArray[np.float64]")
-ANSWERED = ("ok", "unstable")
+ANSWERED = ("ok", "unstable", "unknown")
 """Statuses of a state that carries its whole load, so that its numbers count; every other one has no answer."""
 STEEPEST = 0.7
 """Largest tilt of a plate, rad: a steeper plate touches the cylindrical wall of the beam soon after the dome."""

@@ -23,8 +23,9 @@ from geometry.relaxation import relaxation_of
 from studies import cases
 from studies.inputs.study_input import Factor, grid
 from studies.mechanics import surrogate_response
-from studies.mechanics.path_solver import Answer, place
+from studies.mechanics.path_solver import Answer, answer, place
 from studies.mechanics.solve_plan import Processes
+from studies.mechanics.store import State
 from studies.mechanics.study_cases import Cases, FemModel, Plan, Problem, varied
 from studies.mechanics.timed_quantities import PlateMotion
 from studies.sweeps import sweep
@@ -242,7 +243,12 @@ def test_a_critical_depth_needs_no_load_and_has_its_error(ask):
     [
         (0.9, "ok", "ok", ""),
         (1.1, "ok", "unstable", "buckles sideways at 1 mm, now it is 1.1 mm deep"),
+        (1.1, "unknown", "unstable", "buckles sideways at 1 mm, now it is 1.1 mm deep"),
+        (0.9, "unknown", "ok", "on the finer mesh of the critical depth it is stable down to 1 mm"),
         (0.9, "unstable", "unstable", "on the finer mesh of the critical depth it is stable down to 1 mm"),
+        (0.995, "ok", "unknown", "buckles sideways at 1 mm +- 1 %, now it is 0.995 mm deep"),
+        (1.005, "ok", "unknown", "buckles sideways at 1 mm +- 1 %"),
+        (1.005, "unstable", "unstable", "buckles sideways at 1 mm +- 1 %"),
         (1.1, "not_converged", "not_converged", ""),
     ],
 )
@@ -252,6 +258,50 @@ def test_a_state_is_called_unstable_where_it_or_the_critical_depth_says_so(depth
     found, message = with_critical(status, critical, problem)
     assert found == judged
     assert text in message
+
+
+@pytest.mark.parametrize(
+    ("load", "judged"),
+    [
+        (Load(1.1, friction="stick"), "unstable"),
+        (Load(1.1, 0.5, friction="stick"), "ok"),
+        (Load(1.1, friction=0.3), "ok"),
+        (Load(1.1, plate_tilt=0.1), "ok"),
+        (Load(1.1, imperfection=1e-3), "ok"),
+        (Load(1.1, 0.5, friction="stick", grip=2.0), "ok"),
+    ],
+)
+def test_a_critical_depth_judges_frictionless_presses_only(load, judged):
+    """What is glued, gripped or rubbed is held, and an imperfection leads to another branch."""
+    critical = Answer(8.0, 1.0, None, "ok", "", 0.01, 0.0, values={"critical_depth_over_D": 1 / 8})
+    assert with_critical("ok", critical, Problem(paper(), load, "rigid", ""))[0] == judged
+
+
+@pytest.mark.parametrize(
+    ("kept", "ratio", "status"),
+    [
+        ("ok", 0.3, "ok"),
+        ("ok", 0.016, "unknown"),
+        ("unstable", -0.016, "unknown"),
+        ("unstable", -0.3, "unstable"),
+        ("unstable", 0.016, "unstable"),
+    ],
+)
+def test_the_stability_of_a_kept_press_is_judged_where_it_is_read(kept, ratio, status):
+    """Stores have presses that were called stable beyond the critical depth, or unstable for another reason."""
+    response = {
+        "force": [0.0, 0.0, 1.0],
+        "shift": [0.0, 0.0, -0.5],
+        "tilt": 0.0,
+        "contact_radius": 2.0,
+        "tilt_y": 0.0,
+    }
+    values = {"D_mm": 8.0, "E_MPa": 1.0, "response": response, "error_estimate": 0.01, "message": "kept"}
+    values |= {"values": {"sideways_stiffness_ratio": ratio, "largest_strain": 0.1}}
+    found = answer(State(0.2, 0.0, "ok", kept, values, 1.0, ""), 0.09)
+    assert found.status == status
+    assert found.values["sideways_half_width"] == pytest.approx(0.08, abs=0.025)
+    assert ("sideways is not known: its sideways stiffness is" in found.message) is (status == "unknown")
 
 
 @pytest.mark.parametrize(

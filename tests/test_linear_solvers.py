@@ -51,7 +51,7 @@ def buckling(request):
     """
     shape = Design(L=40.0).shape.scaled(1 / 8)
     section = MeshSpecification(shape, request.param, "ignored", 0.3, 0.15, rim=(0.14, 0.02))
-    (sideways,), tangents = SidewaysModel(section.build()).orders, []
+    (sideways,), tangents = SidewaysModel(section.build(), section.size).orders, []
     for depth in (0.03, 0.1):
         state, stop = solve_press(section, depth)
         assert not stop

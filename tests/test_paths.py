@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fem.accuracy import QUICK, STANDARD
+from fem.accuracy import QUICK, STANDARD, coarser
 from fem.analyses import small_shear
 from fem.analyses.modes import modes
 from fem.equilibrium import trace
@@ -143,3 +143,14 @@ def test_a_shear_that_a_stopped_press_never_began_is_not_in_its_load(monkeypatch
     (state,) = trace(paper(), [load], QUICK, magnet="ignored", estimate=False)
     assert (state.status, state.load.shear_x) == ("not_converged", 0.0)
     assert "shear" not in state.message.partition(":")[0]
+
+
+def test_a_small_shear_beyond_the_guided_critical_depth_is_unstable(monkeypatch):
+    """Its stiffness may be positive again; where two meshes disagree nothing is known."""
+    long = replace(paper(), L=32.0)
+    stable, beyond = (small_shear.small_shear(long, depth, accuracy=QUICK, estimate=False) for depth in (3.7, 9.9))
+    assert (stable.status, beyond.status) == ("ok", "unstable")
+    assert beyond.stiffness > 0 > stable.stiffness
+    found = {QUICK: stable, coarser(QUICK): beyond}
+    monkeypatch.setattr(small_shear, "_solve_small_shear", lambda scene, edge: found[scene.accuracy])
+    assert small_shear.small_shear(long, 3.7, accuracy=QUICK).status == "unknown"

@@ -15,6 +15,7 @@ from fem.accuracy import QUICK
 from fem.analyses import modes, small_shear, stability
 from fem.analyses.vibration import vibrating_sensor
 from fem.equilibrium import trace
+from fem.solve.direct_solver import STABLE
 from geometry.design import BadInput, paper
 from geometry.loads import Load
 from geometry.relaxation import Relaxation, relaxation_of
@@ -65,7 +66,7 @@ def test_a_search_that_stops_or_a_tip_that_gives_way_is_not_ok(monkeypatch):
     def status(message, depth=None, stiffness=0.5):
         found = stability.Critical(None, None, 3.5, message)
         monkeypatch.setattr(stability, "critical", lambda *_, **__: found)
-        shear = small_shear.SmallShear(stiffness, 0.5, 0.1, 1.0, 1.0)
+        shear = small_shear.SmallShear(stiffness, 0.5, 0.1, 1.0, 1.0, stability=STABLE)
         monkeypatch.setattr(small_shear, "small_shear", lambda *_, **__: shear)
         (record,) = critical_depths.at_design(paper(), "rigid", "quick", depth, lambda *_: None).records
         return record["status"], record["message"]
@@ -169,6 +170,18 @@ def test_an_elastic_sensor_has_resonances_without_a_quality_factor(run, strict):
     along_x = strict(run("response", "paper", "--set", "loss_factor=0", *COARSE, "--json")[1])[1]
     assert along_x["resonance_per_mm_Hz"][0] == pytest.approx(along_x["undamped_Hz"][0], rel=1e-6)
     assert set(along_x["resonance_per_mm_Q"]) == {None}
+
+
+@pytest.mark.parametrize(("depth", "status"), [(1.0, "ok"), (1.53, "unknown"), (2.0, "unstable")])
+def test_solve_and_sweep_have_one_status_and_one_exit_status_for_one_state(run, strict, tmp_path, depth, status):
+    case = ("--set", "L=16", "--set", "l0=13.2", "--accuracy", "quick", "--json")
+    ended, out, _ = run("solve", "paper", "--depth", depth, *case)
+    (solved,) = strict(out)
+    swept, out, _ = run("sweep", "--axis", f"depth={depth}", *case, "--store", tmp_path / "store.sqlite")
+    (row,) = strict(out)
+    assert (solved["status"], row["status"]) == (status, status)
+    assert (ended, swept) == ((0, 0) if status == "ok" else (3, 3))
+    assert solved["message"] == row["message"].partition("; no formula")[0]
 
 
 def test_a_response_beyond_buckling_has_the_status_and_the_message_of_a_solve(run, strict):

@@ -8,11 +8,12 @@ import pytest
 from analytic import buckling
 from fem.accuracy import QUICK, STANDARD
 from fem.analyses import stability
+from fem.equilibrium import solve
 from fem.model.symmetry_models import MeshSpecification
 from fem.results.lateral_stiffness import SidewaysModel
 from fem.scene import Scene
 from fem.solution import Estimates
-from fem.solve.direct_solver import UNKNOWN, Solver
+from fem.solve.direct_solver import UNKNOWN, Solver, Stability
 from fem.solve.press import solve_press
 from geometry.design import Design, paper
 from geometry.loads import Load
@@ -91,7 +92,7 @@ SECTION = MeshSpecification(BEAM.shape.scaled(1 / BEAM.D), BEAM.nu, "ignored", 0
 
 @pytest.fixture
 def sideways():
-    return SidewaysModel(SECTION.build())
+    return SidewaysModel(SECTION.build(), SECTION.size)
 
 
 def press(depth):
@@ -109,9 +110,38 @@ def test_at_rest_it_is_that_of_a_cantilever(sideways):
     assert sideways.stiffness_at_rest == pytest.approx(beam, rel=0.05)
 
 
-@pytest.mark.parametrize("share", [0.75, 1.05])
+@pytest.mark.parametrize("share", [0.75, 1.15])
 def test_one_state_tells_the_critical_depth(sideways, share):
     critical = stability.critical(BEAM, "ignored", accuracy=QUICK, estimate=False).depth
     near = sideways.margin(press(share * critical / BEAM.D))
     assert near.critical_depth * BEAM.D == pytest.approx(critical, rel=0.05)
     assert (near.ratio < 0) is (share > 1) is near.stability.is_unstable
+
+
+SHORT = replace(paper(), L=16.0, l0=13.2)
+CRITICAL = 1.5033
+"""Critical depth of the paper's sensor with L = 16 mm, by `stability.critical` at level standard, mm."""
+
+
+def test_no_verdict_contradicts_the_critical_depth():
+    """The ratio scatters: of these depths, on both sides of the critical one, the mesh does not tell all."""
+    depths = [share * CRITICAL for share in (0.8, 0.95, 0.98, 1.005, 1.02, 1.04, 1.06, 1.2)]
+    states = [solve(SHORT, Load(depth=depth), QUICK) for depth in depths]
+    verdicts = [state.facts.verdict for state in states]
+    assert (verdicts[0], verdicts[-1]) == ("stable", "unstable")
+    assert "unstable" not in verdicts[:3]
+    assert "stable" not in verdicts[3:]
+    for state in (state for state in states if state.facts.verdict == "unknown"):
+        assert state.status == "unknown"
+        assert abs(state.facts.sideways_stiffness_ratio) <= state.facts.sideways_half_width
+        assert "it gives way at a depth of about 1." in state.message
+
+
+def test_a_ratio_near_zero_tells_nothing_but_several_unstable_directions_do(sideways):
+    """A press at 1.01 of the critical depth is within the half width, whatever its one pivot says."""
+    critical = stability.critical(BEAM, "ignored", accuracy=QUICK, estimate=False).depth
+    near = sideways.margin(press(1.01 * critical / BEAM.D))
+    assert near.is_doubtful
+    assert near.half_width == pytest.approx(1.4 * 0.16**0.9 * (1 - near.ratio) ** 0.75 * 0.135**0.5, rel=0.1)
+    assert not replace(near, ratio=2 * near.half_width).is_doubtful
+    assert not replace(near, stability=Stability(2)).is_doubtful

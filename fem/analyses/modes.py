@@ -118,7 +118,7 @@ def _solve_modes(scene: Scene, count: int, told: Scene, edge: float | None) -> M
     edge : of `find_contact`.
     """
     press, depth = pressed_sensor(scene, edge), scene.loads[0].depth
-    sideways = SidewaysModel(press.state.d)
+    sideways = SidewaysModel(press.state.d, scene.accuracy.section_size)
     models = press.state.d, sideways.orders[0], single_order.build(press.state.d, 2)
     blocks = {
         name: _order_matrices(press, scene, *model) for name, model in zip(SHAPES, enumerate(models), strict=True)

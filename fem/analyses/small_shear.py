@@ -3,6 +3,10 @@
 The press is solved with the axisymmetric model; then the contact area is glued to the plate. For a sideways
 displacement s of the plate, K dq = -dR/ds s in the model of order 1 (`fem.model.single_order`) gives the
 response.
+
+The inertia of K tells whether the press is stable with its tip glued to a plate that does not move. Where the two
+meshes of an error estimate disagree, nothing is known of it; `magtip stability` also has the depth at which it loses
+this stability (the guided critical depth), with its error.
 """
 
 from __future__ import annotations
@@ -14,12 +18,12 @@ from fem.accuracy import STANDARD, Accuracy
 from fem.analyses.vibration import plate_loads
 from fem.model import plate_contact, single_order
 from fem.model.symmetry_models import specification
-from fem.results.error_estimates import LEAST_RADIUS, estimate_numbers, estimated
+from fem.results.error_estimates import LEAST_RADIUS, estimate_numbers, solve_coarser
 from fem.results.lateral_stiffness import integrate_normal_force
 from fem.results.postprocess import pose_slopes
 from fem.scene import Scene
-from fem.solution import NOT_ESTIMATED, Estimates
-from fem.solve.direct_solver import Solver
+from fem.solution import NOT_ESTIMATED, Estimates, Status
+from fem.solve.direct_solver import UNKNOWN, Solver, Stability
 from fem.solve.path_state import about
 from fem.solve.press import find_press, reach_press
 from geometry.design import BadInput, Design
@@ -46,6 +50,7 @@ class SmallShear:
         rad/mm.
     force, contact_radius : normal force and contact radius of the press, N and mm.
     estimates : estimated errors.
+    stability : of the press with its tip glued to a plate that does not move; unknown where two meshes disagree.
     """
 
     stiffness: float
@@ -54,6 +59,17 @@ class SmallShear:
     force: float
     contact_radius: float
     estimates: Estimates = NOT_ESTIMATED
+    stability: Stability = UNKNOWN
+
+    @property
+    def status(self) -> Status:
+        """Status of the press with its tip glued.
+
+        >>> [SmallShear(1.0, 0.5, 0.1, 1.0, 1.0, stability=known).status for known in (Stability(0), UNKNOWN)]
+        ['ok', 'unknown']
+        """
+        verdict = self.stability.verdict
+        return "ok" if verdict == "stable" else verdict
 
 
 def small_shear(
@@ -82,7 +98,13 @@ def small_shear(
     rough = specification(scene, max(ROUGH, accuracy.section_size))
     edge = find_press(rough, EDGE * accuracy.section_patch, depth / design.D)
     find = functools.partial(_solve_small_shear, edge=edge)
-    return estimated(scene, find, estimate_small_shear) if estimate else find(scene)
+    found = find(scene)
+    coarse = solve_coarser(scene, find) if estimate else None
+    if coarse is None:
+        return found
+    agree = found.stability.verdict == coarse.stability.verdict
+    estimates = estimate_small_shear(found, coarse, scene)
+    return replace(found, estimates=estimates, stability=found.stability if agree else UNKNOWN)
 
 
 def estimate_small_shear(found: SmallShear, coarse: SmallShear, scene: Scene) -> Estimates:
@@ -114,6 +136,7 @@ def _solve_small_shear(scene: Scene, edge: float) -> SmallShear:
         tilt=float(tilt) / D,
         force=integrate_normal_force(pressed) * E * D**2,
         contact_radius=plate_contact.contact_radius(pressed.skin, pressed.u, pressed.plate) * D,
+        stability=solver.stability(turned.d.system.n_pressure),
     )
 
 

@@ -161,7 +161,7 @@ def _search(section: MeshSpecification, guided: bool, start: float, step: float,
     start, step, end : first depth, step and last depth of the search, over D; a start of 0 is the state at rest.
     """
     path, known = Path(PathModels(section, kappa=KAPPA)), dict[float, float]()
-    state, sideways = path.rest, SidewaysModel(path.rest.d)
+    state, sideways = path.rest, SidewaysModel(path.rest.d, section.size)
 
     def press(depth: float) -> PathState:
         nonlocal state

@@ -292,7 +292,7 @@ class TimedPath:
         self.rest = ViscousState(rest, history, time_steps.measure(rest, rest.u), np.zeros(len(history.times)))
         # errors refer to a share of Hertz's force at the deepest load at least: at first touch the force is nearly 0
         self.least_force = 0.3 * instantaneous * 4 / 3 * math.sqrt(scene.shape.R) * depth**1.5
-        self._sideways = SidewaysModel(rest.d)
+        self._sideways = SidewaysModel(rest.d, scene.accuracy.section_size)
         self._stable_to = 0.0
 
     def begin_shear(self, state: ViscousState) -> ViscousState:

@@ -471,7 +471,8 @@ def _solve_sensor(scene: Scene, load: Load, band: tuple[float, float], relaxatio
 def _read_state(state: PathState, scene: Scene, load: Load) -> Solution:
     """Return the state at rest with the diagnosis of a static solve, but for the plate that sticks: here it acts."""
     told = load if load.shears_tip or load.friction != "stick" else replace(load, friction="none")
-    return replace(read(state, scene, told, margin=SidewaysModel(state.d).margin), load=load)
+    sideways = SidewaysModel(state.d, scene.accuracy.section_size)
+    return replace(read(state, scene, told, margin=sideways.margin), load=load)
 
 
 def _coefficients(scene: Scene, relaxation: Relaxation, f: Array) -> tuple[Complex, Array]:

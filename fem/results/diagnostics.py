@@ -48,6 +48,9 @@ REMARKS = {
     "a tip that slides freely would have buckled sideways (magtip stability computes the critical depth)",
     "guided_only": "a beam whose tip slides freely on the plate buckles sideways {before}: "
     "this solution holds the tip on the axis (magtip stability computes the critical depth)",
+    "guided_doubtful": "whether a beam whose tip slides freely on the plate has buckled sideways at this depth is "
+    "not known: its sideways stiffness is {ratio:.2g} +- {half_width:.2g} of that at rest; it gives way {near} "
+    "(magtip stability computes the critical depth)",
     "guided_unknown": "whether a beam whose tip slides freely on the plate would buckle sideways is not known",
     "guided_unchecked": "whether a beam whose tip slides freely on the plate would buckle sideways was not checked, "
     "which a solve with error estimates does",
@@ -96,6 +99,7 @@ def diagnose(
         if stop
         else _choose_remark(state, found, D, near, touched=touched, looked=not checked or bool(near)),
         sideways_stiffness_ratio=None if near is None else near.ratio,
+        sideways_half_width=None if near is None else near.half_width,
         critical_depth=None if near is None or near.critical_depth is None else near.critical_depth * D,
         crease_ratio=None if stop else silicone_limits.crease_ratio(state),
         largest_strain=silicone_limits.largest_strain(state.d.elements, u),
@@ -155,6 +159,8 @@ def _choose_remark(
             return "pushed_aside"
     if near and near.stability.is_unstable:
         return "guided_only"
+    if near and near.is_doubtful:
+        return "guided_doubtful"
     if near and near.critical_depth is not None and load.depth > NEAR * near.critical_depth * D:
         return "nearly_guided_only"
     if state.friction is not None:
@@ -247,6 +253,9 @@ def _describe_remark(remark: str, solution: Solution) -> str:
         aside=f"shift {shift:.2g} mm, tilt {tilt:.2g} rad",
         before=at or "before this depth",
         soon=at or "soon",
+        near=at or "near this depth",
+        ratio=solution.facts.sideways_stiffness_ratio,
+        half_width=solution.facts.sideways_half_width,
         remedy="the depth is below the rounding error: take a larger depth"
         if solution.model == "axisymmetric"
         else "choose model axisymmetric, whose mesh follows the contact",

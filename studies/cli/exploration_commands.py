@@ -47,7 +47,7 @@ def sweep(
 
     Run a study by magtip sweep STUDY.toml, or without a file by magtip sweep --axis D=6,8,10 --depth 1. Options
     override the values of a study. Solved states are kept: no sweep solves a state again. The exit status is 3 if a
-    case failed; the others have their rows all the same.
+    case has another status than ok; all have their rows all the same.
     """
     from studies.mechanics.solve_plan import Processes
     from studies.mechanics.worker_process import SchedulerLost
@@ -82,7 +82,7 @@ def sweep(
     whole = call.as_json or call.wide or call.out is not None
     warnings = [no_effect([f"axis {name}"], reason) for name, reason in study.idle_axes(shown, whole=whole)]
     show(replace(shown.result(), warnings=warnings, remarks=shown.remarks()), here)
-    return FAILED if shown.failed or not shown.count else GOOD
+    return GOOD if shown.is_good else FAILED
 
 
 @verb("source sets wide as_json", out="Folder for SENSITIVITY.md, tables and pictures.", at=1)

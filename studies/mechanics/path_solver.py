@@ -149,8 +149,9 @@ class Answer:
     error_estimate : estimated relative error of the force; NaN if there is no estimate.
     seconds : time of the solve from the previous state, s.
     estimates : estimated relative errors of shift, tilt and the force along the shear (`fem.solution.Estimates`).
-    values : of a state its largest strain and its sideways stiffness ratio (`fem.solution.Facts`); of other kinds
-        their results: lengths over D, forces over E D^2, frequencies over `frequency_unit`.
+    values : of a state its largest strain and its sideways stiffness ratio with its half width
+        (`fem.solution.Facts`); of other kinds their results: lengths over D, forces over E D^2, frequencies over
+        `frequency_unit`.
     """
 
     D: float
@@ -369,20 +370,36 @@ def frequency_unit(D: float, E: float, density: float) -> float:
     return math.sqrt(E / density) / D
 
 
-def answer(state: State) -> Answer:
-    """Return the answer of a stored state."""
+def answer(state: State, edge: float) -> Answer:
+    """Return the answer of a stored state; its sideways stability is judged here, by the half width of its ratio.
+
+    edge : edge length over D of the sections with which it was solved.
+    """
     values = state.answer
     response, error = values["response"], values["error_estimate"]
+    response = None if response is None else Response.restored(response)
+    of_state, status, message = dict(values.get("values", {})), state.status, values["message"]
+    ratio = of_state.get("sideways_stiffness_ratio")
+    if ratio is not None and response is not None:
+        from fem.results.lateral_stiffness import ratio_half_width, within
+
+        half_width = ratio_half_width(ratio, edge, response.contact_radius / values["D_mm"])
+        of_state["sideways_half_width"] = half_width
+        # a press that is unstable although its ratio is positive is so for another reason
+        if within(ratio, half_width) and (status == "ok" or (status == "unstable" and ratio < 0)):
+            said = f"its sideways stiffness is {ratio:.2g} +- {half_width:.2g} of that at rest"
+            doubt = f"whether the press has buckled sideways is not known: {said}"
+            status, message = "unknown", "; ".join(filter(None, (doubt, message)))
     return Answer(
         D=values["D_mm"],
         E=values["E_MPa"],
-        response=None if response is None else Response.restored(response),
-        status=state.status,
-        message=values["message"],
+        response=response,
+        status=status,
+        message=message,
         error_estimate=NAN if error is None else error,
         seconds=state.seconds,
         estimates=values.get("estimates", {}),
-        values=values.get("values", {}),
+        values=of_state,
     )
 
 

@@ -214,9 +214,11 @@ class Solves:
 
     def answers(self, key: str) -> Mapping[Position, Answer]:
         """Return the stored answers of a path, by their positions."""
-        content = self.paths[key].content
+        path = self.paths[key]
+        edge = path.scene.accuracy.section_size
         return self._answers.get(
-            key, lambda: {at: path_solver.answer(state) for at, state in self.store.states(content).items()}
+            key,
+            lambda: {at: path_solver.answer(state, edge) for at, state in self.store.states(path.content).items()},
         )
 
     def close(self) -> None:

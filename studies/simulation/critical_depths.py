@@ -85,7 +85,7 @@ def at_design(design: Design, magnet: Magnet, accuracy: str, depth: float | None
             status, sentence = "not_converged", str(error)
             record |= _small_shear(depth, None)
         else:
-            status, sentence = _stability_at(record, depth, shear.stiffness)
+            status, sentence = _stability_at(record, depth, shear)
             record |= _small_shear(depth, shear)
         record |= {"status": status, "message": _joined(record["message"], sentence)}
     for tip in ("", "guided_"):
@@ -136,12 +136,16 @@ def _small_shear(depth: float, shear: SmallShear | None) -> FlatRow:
     }
 
 
-def _stability_at(record: FlatRow, depth: float, stiffness: float) -> tuple[str, str]:
-    free, guided, limit = (
-        record[name] for name in ("critical_depth_mm", "guided_critical_depth_mm", "guided_stable_to_mm")
-    )
-    if (guided is not None and depth > guided) or not stiffness > 0:
+def _stability_at(record: FlatRow, depth: float, shear: SmallShear) -> tuple[str, str]:
+    """Return status and message of a small shear: the search for the guided critical depth and the shear judge it."""
+    names = ("critical_depth_mm", "guided_critical_depth_mm", "guided_stable_to_mm")
+    free, guided, limit = (record[name] for name in names)
+    error = record["guided_critical_depth_error_estimate"] or 0.0
+    near = guided is not None and abs(depth / guided - 1) <= error
+    if shear.status == "unstable" or (guided is not None and depth > guided and not near) or not shear.stiffness > 0:
         return "unstable", f"at depth {depth:g} mm the straight press is unstable even with a guided tip"
+    if near or shear.status == "unknown":
+        return "unknown", f"at depth {depth:g} mm it is not known whether the press is stable even with a guided tip"
     if depth > limit:
         return "unknown", f"at depth {depth:g} mm stability is unknown: the search ended at {limit:.4g} mm"
     if free is not None and depth > free:

@@ -52,10 +52,13 @@ COMPONENTS = {
 }
 """Columns of the quantities of a response; where no load acts sideways the first one of each alone."""
 OF_STATES = {
-    "strain": ("largest_strain", "_percent", 100.0),
-    "sideways_stiffness": ("sideways_stiffness_ratio", "", 1.0),
+    "strain": (("largest_strain", "largest_strain_percent", 100.0),),
+    "sideways_stiffness": (
+        ("sideways_stiffness_ratio", "sideways_stiffness_ratio", 1.0),
+        ("sideways_half_width", "sideways_stiffness_ratio_half_width", 1.0),
+    ),
 }
-"""Quantities that stored states say beside their response: names of the value and of its unit, and a factor."""
+"""Quantities that stored states say beside their response: names of values and of their columns, and factors."""
 SIDEWAYS = ("force_x_N", "force_y_N", "shift_x_mm", "shift_y_mm", "tilt_rad", "tilt_y_rad")
 """Columns whose errors are not stated where the beam gave way."""
 GAVE_WAY = "the beam gave way: its force does not oppose the shear, and no error along the shear is stated"
@@ -165,10 +168,10 @@ class Rows:
         table = self._axis_columns(batch)
         gave_way = np.array([self._gives_way(states, k, p) for k, p in enumerate(batch.problems)], dtype=bool)
         table |= self._mechanics(results, gave_way[batch.problem])
-        for quantity, (value, unit, factor) in OF_STATES.items():
-            for name, answers in solved.states.items() if quantity in plan.quantities else ():
+        for value, column, factor in itertools.chain(*(OF_STATES.get(name, ()) for name in plan.quantities)):
+            for name, answers in solved.states.items():
                 found = _of_answers(batch, [answer.values.get(value) for answer in answers])
-                table[f"{self.prefixes[name]}{value}{unit}"] = factor * found
+                table[f"{self.prefixes[name]}{column}"] = factor * found
         if "readings" in plan.quantities:
             table |= self._reading_columns(batch, results)
         if "decoded_force_error" in plan.quantities:
@@ -409,7 +412,7 @@ def with_critical(status: str, critical: Answer, problem: Problem) -> tuple[str,
     """Return the status of a press beside its critical depth, and what the one says of the other.
 
     The mesh of the critical depth is finer where the contact ends: it is the closer one, but a state that one of the
-    two calls unstable is not called stable.
+    two calls unstable is not called stable. Within the estimated error of the critical depth the status is unknown.
     """
     if problem.design is None or problem.load is None or critical_verdict(critical) == "unknown":
         return status, ""
@@ -417,12 +420,19 @@ def with_critical(status: str, critical: Answer, problem: Problem) -> tuple[str,
     if depth is None:
         stable = critical.values["stable_to_over_D"] * D
         return status, f"no critical depth down to {stable:.4g} mm, where the search ends"
-    presses = load.depth > 0 and load == Load(load.depth)
-    if presses and status == "ok" and load.depth > depth * D:
-        return "unstable", f"the press buckles sideways at {depth * D:.4g} mm, now it is {load.depth:g} mm deep"
-    if presses and status == "unstable" and load.depth < depth * D:
-        return status, f"on the finer mesh of the critical depth it is stable down to {depth * D:.4g} mm"
-    return status, ""
+    # without a shear nothing is glued
+    presses = load.depth > 0 and replace(load, friction="none") == Load(load.depth) and load.coulomb is None
+    if not presses or status not in ANSWERED:
+        return status, ""
+    at, error = depth * D, 0.0 if math.isnan(critical.error_estimate) else critical.error_estimate
+    if abs(load.depth / at - 1) <= error:
+        where = f"the press buckles sideways at {at:.4g} mm +- {100 * error:.2g} %, now it is {load.depth:g} mm deep"
+        return "unstable" if status == "unstable" else "unknown", where
+    if load.depth > at:
+        said = f"the press buckles sideways at {at:.4g} mm, now it is {load.depth:g} mm deep"
+        return "unstable", "" if status == "unstable" else said
+    said = f"on the finer mesh of the critical depth it is stable down to {at:.4g} mm"
+    return ("ok", "") if status == "ok" else ("unstable" if status == "unstable" else "ok", said)
 
 
 def _as_column(values: NDArray[Any]) -> NDArray[Any]:

@@ -290,12 +290,12 @@ CASE = ("D_mm", "L_mm", "f_mm", "E_MPa", "shear_mm", "depth_mm")
 
 
 class Shown:
-    """The first rows of a sweep, which the screen shows, and counts of all, unstable and failed ones."""
+    """The first rows of a sweep, which the screen shows, and counts of all, unstable, doubtful and failed ones."""
 
     def __init__(self, plan: Plan) -> None:
         self.plan = plan
         self.case = tuple(dict.fromkeys((*CASE, *(study_input.column(name) for name in plan.axes))))
-        self.count = self.unstable = self.failed = self.beyond = 0
+        self.count = self.unstable = self.doubtful = self.failed = self.beyond = 0
         # a case fails where finite elements of any accuracy do
         own = status_columns(plan)
         solved = [own[model.name] for model in plan.fem if model.name in own and not model.surrogate]
@@ -309,6 +309,7 @@ class Shown:
         for row in flat_rows(batch):
             self.count += 1
             self.unstable += row["status"] == "unstable"
+            self.doubtful += row["status"] == "unknown"
             self.beyond += row["status"] == UNMET
             self.chosen[row.get("chosen_model", "")] += 1
             if any(row[name] not in ANSWERED for name in self.statuses):
@@ -333,6 +334,11 @@ class Shown:
                 blocks += [f"{place}: {message}" for place, message in said]
         return Result(title="Sweep", records=[], shown=blocks)
 
+    @property
+    def is_good(self) -> bool:
+        """Whether every case has the status ok, and there are any."""
+        return self.count > 0 and not (self.unstable or self.doubtful or self.failed)
+
     def remarks(self) -> list[str]:
         """Return the models that a tolerance has chosen, and the reasons and numbers of failures."""
         said, tolerance = list[str](), self.plan.reference.tolerance if self.plan.reference else None
@@ -352,6 +358,11 @@ class Shown:
             said.append(
                 f"{self.unstable} of {self.count} cases are unstable: their numbers are those of an equilibrium that "
                 "a real sensor leaves"
+            )
+        if self.doubtful:
+            said.append(
+                f"{self.doubtful} of {self.count} cases are so near the critical depth that it is not known whether "
+                "they are stable"
             )
         return [*said, f"{self.failed} of {self.count} cases failed"] if self.failed else said
 

@@ -134,8 +134,10 @@ def solved(
         asked = [(one.trial.design, load, one.trial.magnet) for one, load in (paths[row] for row in rows)]
         of_rows = [models[row] for row in rows]
         answers = answers_of(asked, of_rows, ["force", "shift", "tilt"], told, store=store).set_axis(rows)
-        # an unstable press is the exact answer of a tip that is held on the axis
-        held = (answers["status"] == "unstable") & np.array([model.model == "auto" for model in of_rows])
+        # a press that may be unstable is the exact answer of a tip that is held on the axis
+        held = answers["status"].isin(("unstable", "unknown")) & np.array(
+            [model.model == "auto" for model in of_rows]
+        )
         answers.loc[held, ["status", "message"]] = "ok", ""
         answers = answers.rename(columns={"force_N": "force_z_N", "error_estimate": "force_error_estimate"})
         firsts = {row: _begin(paths[row][0].trial, models[row]) for row in np.flatnonzero(begins).tolist()}

@@ -234,8 +234,8 @@ def answers(runs: Sequence[Run], progress: Progress | None = None, **options: An
     place = pd.DataFrame(rows, columns=columns)
     table = pd.concat([place, found.reindex(columns=[*COLUMNS, "status", "message"])], axis=1)
     upright = table.shear_mm == 0
-    # an unstable press is the exact answer of a tip that is held on the axis
-    table.loc[(table.status == "unstable") & upright, ["status", "message"]] = "ok", ""
+    # a press that may be unstable is the exact answer of a tip that is held on the axis
+    table.loc[table.status.isin(("unstable", "unknown")) & upright, ["status", "message"]] = "ok", ""
     table.loc[upright, "tilt_rad"] = math.nan
     table.loc[[magnet == "ignored" for _, _, magnet in asked], READINGS] = math.nan
     return table.assign(sideways_N=found.force_x_N.where(~upright))
