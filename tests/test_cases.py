@@ -268,11 +268,10 @@ def test_a_state_is_called_unstable_where_it_or_the_critical_depth_says_so(depth
         (Load(1.1, friction=0.3), "ok"),
         (Load(1.1, plate_tilt=0.1), "ok"),
         (Load(1.1, imperfection=1e-3), "ok"),
-        (Load(1.1, 0.5, friction="stick", grip=2.0), "ok"),
     ],
 )
 def test_a_critical_depth_judges_frictionless_presses_only(load, judged):
-    """What is glued, gripped or rubbed is held, and an imperfection leads to another branch."""
+    """What is glued or rubbed is held, and an imperfection leads to another branch."""
     critical = Answer(8.0, 1.0, None, "ok", "", 0.01, 0.0, values={"critical_depth_over_D": 1 / 8})
     assert with_critical("ok", critical, Problem(paper(), load, "rigid", ""))[0] == judged
 

@@ -240,7 +240,7 @@ class Cycles:
     """The rows and loops of a motion by one law.
 
     law : "prony" or "finite", see `fem.model.viscoelasticity`.
-    status, message : "ok", "unstable" with the first such state, or why the path ended.
+    status, message : "ok", "unstable" or "unknown" with the first such state, or why the path ended.
     rows : of `rows_of`.
     steps : number of time steps, and of degrees of freedom.
     seconds : of the processor.
@@ -382,8 +382,9 @@ def _verdict(passed: Sequence[Passed]) -> tuple[str, str]:
     solutions = [state.solution for _, state, _ in passed]
     if failed := [solution for solution in solutions if solution.status == "not_converged"]:
         return failed[0].status, failed[0].message
-    if unstable := [state for _, state, _ in passed if state.solution.status == "unstable"]:
-        return "unstable", f"{unstable[0].solution.message}, first at {unstable[0].time:.4g} s"
+    for status in ("unstable", "unknown"):
+        if found := [state for _, state, _ in passed if state.solution.status == status]:
+            return status, f"{found[0].solution.message}, first at {found[0].time:.4g} s"
     # of stable states the one with the largest strain says what limits the use of all
     strained = max(solutions, key=lambda solution: solution.facts.largest_strain or 0.0)
     doubtful = strained.facts.remark not in EXPECTED or strained.facts.inverted_share
