@@ -3,6 +3,7 @@
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from analytic import buckling
@@ -13,7 +14,9 @@ from fem.model.symmetry_models import MeshSpecification
 from fem.results.lateral_stiffness import SidewaysModel
 from fem.scene import Scene
 from fem.solution import Estimates
+from fem.solve.active_set import ActiveSet, KeptTangent
 from fem.solve.direct_solver import UNKNOWN, Solver, Stability
+from fem.solve.load_stepping import Path, PathModels
 from fem.solve.press import solve_press
 from geometry.design import Design, paper
 from geometry.loads import Load
@@ -90,7 +93,12 @@ BEAM = Design(L=40.0)
 SECTION = MeshSpecification(BEAM.shape.scaled(1 / BEAM.D), BEAM.nu, "ignored", 0.16, 0.08, rim=(0.14, 0.003))
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
+def critical():
+    return stability.critical(BEAM, "ignored", accuracy=QUICK, estimate=False).depth
+
+
+@pytest.fixture(scope="module")
 def sideways():
     return SidewaysModel(SECTION.build(), SECTION.size)
 
@@ -111,8 +119,7 @@ def test_at_rest_it_is_that_of_a_cantilever(sideways):
 
 
 @pytest.mark.parametrize("share", [0.75, 1.15])
-def test_one_state_tells_the_critical_depth(sideways, share):
-    critical = stability.critical(BEAM, "ignored", accuracy=QUICK, estimate=False).depth
+def test_one_state_tells_the_critical_depth(sideways, critical, share):
     near = sideways.margin(press(share * critical / BEAM.D))
     assert near.critical_depth * BEAM.D == pytest.approx(critical, rel=0.05)
     assert (near.ratio < 0) is (share > 1) is near.stability.is_unstable
@@ -137,11 +144,24 @@ def test_no_verdict_contradicts_the_critical_depth():
         assert "it gives way at a depth of about 1." in state.message
 
 
-def test_a_ratio_near_zero_tells_nothing_but_several_unstable_directions_do(sideways):
+def test_a_ratio_near_zero_tells_nothing_but_several_unstable_directions_do(sideways, critical):
     """A press at 1.01 of the critical depth is within the half width, whatever its one pivot says."""
-    critical = stability.critical(BEAM, "ignored", accuracy=QUICK, estimate=False).depth
     near = sideways.margin(press(1.01 * critical / BEAM.D))
     assert near.is_doubtful
     assert near.half_width == pytest.approx(1.4 * 0.16**0.9 * (1 - near.ratio) ** 0.75 * 0.135**0.5, rel=0.1)
     assert not replace(near, ratio=2 * near.half_width).is_doubtful
     assert not replace(near, stability=Stability(2)).is_doubtful
+
+
+def test_the_returned_state_of_a_model_with_harmonics_has_its_own_verdict(critical):
+    """Newton's last tangent may be that of a state on the other side of the critical depth."""
+    path = Path(PathModels(replace(SECTION, harmonics=1)))
+    below = path.advance(path.rest, np.array([0.9 * critical / BEAM.D, 0.0, 0.0])).state
+    beyond = path.advance(below, np.array([1.15 * critical / BEAM.D, 0.0, 0.0])).state
+    assert [state.stability.directions for state in (below, beyond)] == [0, 1]
+    system = path.rest.d.system
+    for first, last in ((below, beyond), (beyond, below)):
+        contact = ActiveSet(system, KeptTangent(Solver()), last.plate, None, keeps_long=False)
+        contact.factorise(system.state(first.q), system.assemble(system.state(first.q), first.plate))
+        assert contact.stability == first.stability
+        assert contact.final_stability(system.state(last.q)) == last.stability

@@ -107,6 +107,7 @@ class ActiveSet:
     ) -> None:
         self.system, self._tangent, self._plate, self._first = system, tangent, plate, pressed
         self._keeps_long, self._fresh = keeps_long, False
+        self._factorised: Array | None = None
 
     @property
     def stability(self) -> Stability:
@@ -143,6 +144,7 @@ class ActiveSet:
     def factorise(self, state: State, assembly: Assembly) -> None:
         tangent, system = self._tangent, self.system
         tangent.drop()
+        self._factorised = state.q
         tangent.solver.factorise(assembly.tangent, symmetric=assembly.symmetric, single=True)
         tangent.stability = tangent.solver.stability(system.n_pressure)
         tangent.pressed = self._first
@@ -160,10 +162,14 @@ class ActiveSet:
         step = tangent.solver.solve(residual)
         return settle_contact(system, tangent, state, step, plate)
 
-    def final_stability(self, state: State, assembly: Assembly) -> Stability:
-        # not known yet, or from an earlier iterate, which may be far from here
-        if not self.knows(state) or self.stability.is_unstable:
-            self.factorise(state, assembly if assembly.matrix is not None else self.assemble(state, tangent=True))
+    def final_stability(self, state: State, assembly: Assembly | None = None, *, passed: bool = False) -> Stability:
+        here = self._factorised is not None and self._factorised is state.q
+        # a tangent that steps in time keep is not replaced by that of each state, and a state that is only passed
+        # needs no verdict of its own: both are asked again only where they know nothing or seem unstable
+        serves = self.knows(state) and (passed or self.keeps) and not self.stability.is_unstable
+        if not here and not serves:
+            known = assembly if assembly is not None and assembly.matrix is not None else None
+            self.factorise(state, known or self.assemble(state, tangent=True))
         return self.stability
 
     def _with_springs_of_tangent(self, state: State, residual: Array) -> Array:

@@ -138,9 +138,12 @@ class CondensedFriction:
         y = settle(solver.schur, half[zone.unknowns], zone, state.u[zone.nodes], self._plate, pressed)
         return None if y is None else -solver.backward(half, y)
 
-    def final_stability(self, state: State, assembly: Assembly) -> Stability:
+    def final_stability(self, state: State, assembly: Assembly | None = None, *, passed: bool = False) -> Stability:
+        del assembly
         stability = self._measure_stability(state)
-        if stability.is_unstable:  # counted with an earlier stiffness of the body, which may be far from here
+        # counted with an earlier stiffness of the body, which may be far from here
+        serves = stability.is_unknown or (stability.is_stable and (passed or self.keeps))
+        if not serves:
             assert self._zone is not None
             self._solver.condense(self.assemble(state, tangent=True).tangent, self._zone.unknowns)
             stability = self._measure_stability(state)

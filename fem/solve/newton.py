@@ -63,7 +63,7 @@ class Equilibrium:
     state, assembly : the last state, and its residual or, see `iterate`, that of the state before.
     iterations : number of linear solves.
     reason : why it stopped, a key of STOPPED; empty when converged.
-    stability : that of the last tangent.
+    stability : see `iterate`.
     """
 
     state: State
@@ -107,14 +107,16 @@ def iterate(contact: Contact, q: Array, *, tolerance: float = TOLERANCE, confirm
     """Solve residual(q) = 0 from a first guess.
 
     It has converged when the residual forces are below `tolerance` times the reactions, and the residual volumes
-    below `tolerance` times the largest displacement (times the unit area: lengths are over D).
+    below `tolerance` times the largest displacement (times the unit area: lengths are over D). The stability is then
+    that of the returned state; a state that is only passed, with a tolerance above TOLERANCE, has that of the last
+    tangent unless this has unstable directions.
 
     q : (n,) first guess.
     tolerance : see above.
     confirm : compute the residual after the last step. Otherwise that step is not assembled where it leaves at most
         the share of the step before, and this reaches the tolerance; the assembly is then that before the step.
     """
-    system = contact.system
+    system, passed = contact.system, tolerance > TOLERANCE
     state = system.admissible(q)
     if state is None:
         rest = system.assemble(system.state(np.zeros(system.size)), None)
@@ -126,7 +128,9 @@ def iterate(contact: Contact, q: Array, *, tolerance: float = TOLERANCE, confirm
         settled = contact.is_settled(state)
         try:
             if settled and left <= tolerance:
-                return Equilibrium(state, assembly, iteration, "", contact.final_stability(state, assembly))
+                return Equilibrium(
+                    state, assembly, iteration, "", contact.final_stability(state, assembly, passed=passed)
+                )
             if assembly.matrix is not None:
                 contact.factorise(state, assembly)
             step = contact.step(state, assembly)
@@ -138,7 +142,11 @@ def iterate(contact: Contact, q: Array, *, tolerance: float = TOLERANCE, confirm
         if trial is None:
             return Equilibrium(state, assembly, iteration, "step_inverted")
         if not confirm and iteration > 1 and _reaches(contact, rate, left, tolerance):
-            return Equilibrium(trial, assembly, iteration + 1, "", contact.stability)
+            try:
+                stability = contact.stability if passed else contact.final_stability(trial)
+            except SingularMatrixError:
+                return Equilibrium(trial, assembly, iteration + 1, "singular")
+            return Equilibrium(trial, assembly, iteration + 1, "", stability)
         full, before = state.q - trial.q, size.merit(assembly)
         state, assembly = _evaluate(contact, trial, iteration, size, (before, rate, left), tolerance)
         rate = size.merit(assembly) / before if before else 0.0
