@@ -96,7 +96,8 @@ def test_each_model_has_its_own_status(ask):
     """The surrogate refuses the deep press, a formula the tilted plate."""
     found = ask({"depth_mm": [1.0, 2.9]}, ["fem:quick", "surrogate", "finite"], quantities=["force"])
     assert list(found["surrogate_status"]) == ["ok", "bad_input"]
-    assert list(found["fem_status"]) == list(found["status"]) == ["ok", "ok"]
+    # so near its critical depth the mesh does not tell whether the press is stable
+    assert list(found["fem_status"]) == list(found["status"]) == ["ok", "unknown"]
     assert "the surrogate knows" in found["message"].iloc[1]
     found = ask({"depth_mm": [0.5, 0.5], "plate_tilt_deg": [0.0, 5.0]}, ["surrogate", "finite"], quantities=["force"])
     assert list(found["analytic_status"]) == list(found["status"]) == ["ok", "bad_input"]

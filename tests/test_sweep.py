@@ -499,4 +499,4 @@ def test_an_axis_that_changes_nothing_is_named():
 
 
 def test_what_states_say_beside_their_response_is_drawn():
-    assert {f"{value}{unit}" for value, unit, _ in OF_STATES.values()} <= set(QUANTITIES)
+    assert {columns[0][1] for columns in OF_STATES.values()} <= set(QUANTITIES)

@@ -317,7 +317,7 @@ def static_curve(design: Design, motion: Motion, accuracy: str, magnet: Magnet) 
         Load(motion.depth, way * share, friction="stick") if motion.shear else Load(way * share) for share in shares
     ]
     solved = trace(design, loads, LEVELS[accuracy], magnet=magnet, estimate=False)
-    if len(solved) < CURVE or solved[-1].status not in ("ok", "unstable"):
+    if len(solved) < CURVE or solved[-1].status not in ANSWERED:
         return Static(None, None, solved[-1].message.split(";")[0] or solved[-1].status)
     relaxed = moduli(design)[1] / design.E
     rows = [(*(relaxed * state.response.force[i] for i in (0, 2)), state.load.shear_x) for state in solved]

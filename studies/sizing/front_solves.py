@@ -329,7 +329,8 @@ def with_solved_loads(point: FrontPoint, needed: Requirements, fem: FiniteElemen
         ]
         for row, answer in zip(same, fem.answers(cases, MOTIONS, model).to_dict("records"), strict=True):
             if answer["status"] != "ok" or np.isnan(answer["fem_force_N"]):
-                found = "found unstable" if answer["status"] == "unstable" else "did not reach"
+                kinds = {"unstable": "found unstable", "unknown": "do not know to be stable"}
+                found = kinds.get(answer["status"], "did not reach")
                 reason = f"finite elements {found} the load of the {row['figure']}: {answer['message']}"
                 return replace(point, status="failed", reason=reason)
             row["strain_percent"] = float(answer["fem_largest_strain_percent"])
