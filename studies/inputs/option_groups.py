@@ -375,7 +375,7 @@ class Sweep:
     axis: list[str] | None = None
     """Values NAME=a,b,c or NAME=lin:START:STOP:COUNT or NAME=log:START:STOP:COUNT of a field of the design (D, L, E,
     nu, law, ...), of the load (depth, shear, shear_y, friction, grip, plate_tilt, imperfection, frequency, speed) or
-    of magnet; repeatable."""
+    of magnet; lengths also over the diameter, as L/D and depth/D; repeatable."""
     load: list[str] | None = None
     """Field of the load that does not vary, NAME=VALUE, such as shear=1 or friction=0.5; repeatable."""
     design: str | None = None
