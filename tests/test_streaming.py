@@ -289,10 +289,14 @@ def test_rows_by_their_arrival_have_a_time_only_where_they_arrive_as_they_are_me
     clock.waits(2.05)
     late = clock.rows([(1.0,)] * 4, 2.085)
     assert_allclose([time for time, _ in late], [0.05, 0.06, 0.07, 0.08])
+    # a source that has not been empty for long is read too late
+    assert math.isnan(clock.rows([(1.0,)], 2.6)[0][0])
+    clock.waits(2.65)
+    assert clock.rows([(1.0,)], 2.66)[0][0] == pytest.approx(0.655)
     # and one that is poured in behind them
-    clock.waits(2.09)
-    assert np.isnan([time for time, _ in clock.rows([(1.0,)] * 300, 2.095)]).all()
-    assert np.isnan([time for time, _ in clock.rows([(1.0,)] * 3, 2.2)]).all()
+    clock.waits(2.69)
+    assert np.isnan([time for time, _ in clock.rows([(1.0,)] * 300, 2.695)]).all()
+    assert np.isnan([time for time, _ in clock.rows([(1.0,)] * 3, 2.8)]).all()
 
 
 def test_a_pipe_without_times_has_forces_of_slow_loading_and_says_so(tmp_path):
