@@ -25,7 +25,7 @@ from fem.model.symmetry_models import Discretisation, MeshSpecification, raise_h
 from fem.solve.direct_solver import Solver
 from fem.solve.load_increments import CRUSHED, LONGEST, Reached, follow_segment, path_at, turns_over
 from fem.solve.newton import newton
-from fem.solve.path_state import PathState, at_rest, glue, with_harmonics, with_predictor
+from fem.solve.path_state import PastState, PathState, at_rest, glue, with_harmonics, with_predictor
 from geometry.arrays import Array
 
 CLOSE = 0.004
@@ -159,11 +159,25 @@ def predict(solver: Solver, reduced_solver: Solver, state: PathState, goal: Arra
         before = replace(before, bond=state.bond)
     ahead = follow_segment(reduced_solver, before, goal, passes=True)
     state = replace(state, reduced=ahead.state)
-    # another number of unstable directions means another branch
-    if ahead.stop or ahead.state.stability != state.stability:
+    if ahead.stop:
         return state, ahead.iterations
-    after, iterations = _correct(solver, state, added + raise_harmonics(low, high, ahead.state.q), goal)
+    position, q = goal, ahead.state.q
+    # another number of unstable directions means another branch: the prediction serves up to the onset only
+    if ahead.state.stability != state.stability:
+        last = _last_before_onset(ahead.state)
+        if last is None:
+            return state, ahead.iterations
+        position, q = last.position, last.q
+    after, iterations = _correct(solver, state, added + raise_harmonics(low, high, q), position)
     return after, ahead.iterations + iterations
+
+
+def _last_before_onset(state: PathState) -> PastState | None:
+    """Return the state before a state if the path became unstable in between; None otherwise."""
+    if state.onset is None or not state.past:
+        return None
+    last, along = state.past[-1], state.position - state.past[-1].position
+    return last if (state.onset[0] - last.position) @ along >= 0 else None
 
 
 def _correct(solver: Solver, state: PathState, guess: Array, goal: Array) -> tuple[PathState, int]:
