@@ -298,7 +298,8 @@ def contradictions(found: Fit) -> list[str]:
         return []
     named, first = ", ".join(f"{un.names[k]} by {away[k]:.2g}" for k in worst), worst[0]
     value, prior, wide = (float(each[first]) for each in (found.theta, un.mean, un.deviation))
-    least = f"{un.names[first]} is estimated as {value:.4g} {un.units[first]} for {prior:.4g} +- {wide:.2g}"
+    unit = "" if un.units[first] == "1" else f" {un.units[first]}"
+    least = f"{un.names[first]} is estimated as {value:.4g} for {prior:.4g} +- {wide:.2g}{unit}"
     said = (
         f"the rows contradict the priors of {named} standard deviations ({least}): intervals of unknowns do not hold"
     )
