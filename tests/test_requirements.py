@@ -16,7 +16,7 @@ from studies.firmware import decoder_export
 from studies.inputs.user_input import read_design
 from studies.output.goals import Goal, failures
 from studies.sizing import sizing_export
-from studies.sizing.candidate_variables import Space, Variant
+from studies.sizing.candidate_variables import Space, Variant, part_fields
 from studies.sizing.catalogues import catalogues_of, read_catalogue
 from studies.sizing.conflicts import demand, impossible
 from studies.sizing.published_sensors import published_sensors, reached_in
@@ -33,6 +33,7 @@ bandwidth = "0.1 kHz"
 samples = 4
 converter_noise = "0.2 mV"
 converter_step = "0.3 mV"
+converter_rate = "10 kHz"
 largest_strain = "60 %"
 no_saturation = true
 unique_decoding = false
@@ -69,6 +70,7 @@ def test_every_key(toml, tmp_path):
         samples=4,
         converter_noise=0.2e-3,
         converter_step=0.3e-3,
+        converter_rate=10e3,
         largest_strain=0.6,
         unique_decoding=False,
         stability_margin=1.2,
@@ -370,6 +372,45 @@ def test_a_chip_of_unknown_noise_is_listed_and_sizes_no_sensor(toml, refused):
     own = toml('[[hall_part]]\nname = "MLX90393"\nlayout = "mlx90393"\nnoise = "3 uT"')
     (part,) = parts_of(hall_parts=("MLX90393",), catalogues=(own,)).hall_parts
     assert of_design(Design(**part.fields()))[0].noise == 3e-6
+
+
+def test_a_bandwidth_leaves_fewer_values_and_no_slow_part(refused):
+    """400 values a second are 200 readings of two at 100 Hz, and none at 201 Hz."""
+
+    def noise(bandwidth, samples=8, part="TMAG5170A1"):
+        needed = Requirements(force_z=5.0, bandwidth=bandwidth, samples=samples, hall_parts=(part,))
+        (found,) = catalogues_of(needed).hall_parts
+        fields = part_fields(found, needed)
+        element = of_design(Design(l0=9.0, **fields))[0]
+        assert found.largest_bandwidth(needed, element.average) >= bandwidth
+        return element.noise_T, element.average
+
+    whole, count = noise(25.0)
+    assert count == 8
+    assert noise(100.0)[1] == 2
+    assert noise(100.0)[0] == pytest.approx(2 * whole, rel=0.01)
+    assert noise(200.0)[1] == 1
+    with refused("no sensor can be sized with TMAG5170A1: it has 400 values a second, and", "201 Hz needs 402"):
+        noise(201.0)
+    # of an analogue part the white noise of a reading is that of its bandwidth, however many values make it
+    one, many = noise(100.0, 1, "DRV5055A2")[0], noise(100.0, 64, "DRV5055A2")[0]
+    white = 130e-9 * (np.pi / 2 * 100.0) ** 0.5
+    assert white < many < one
+    # 20 kHz of the part are 40 of the values of 500 Hz
+    assert noise(500.0, 64, "DRV5055A2")[1] == 40
+
+
+def test_parts_of_unknown_rate_and_slow_ones_are_named(toml, refused):
+    needed = Requirements(force_z=5.0, bandwidth=200.0)
+    left = {part.name: part.refusal(needed) for part in catalogues_of(needed).left_out}
+    assert "ALS31300-500" in left
+    assert "TMAG5170A1" not in left
+    own = toml(CHIP.replace('rate = "1 kHz"\n', ""))
+    assert parts_of(hall_parts=("C",), catalogues=(own,)).hall_parts[0].rate is None
+    with refused("no sensor can be sized with C: its rate is unknown, so that nothing says that it reads 200 Hz"):
+        catalogues_of(Requirements(force_z=5.0, bandwidth=200.0, hall_parts=("C",), catalogues=(own,)))
+    with refused("no sensor can be sized with any Hall part of the catalogues, such as", "values a second, and"):
+        catalogues_of(Requirements(force_z=5.0, bandwidth=1e5))
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,7 @@ import csv
 import io
 import json
 import math
+import re
 
 import pytest
 from conftest import make_fast
@@ -82,7 +83,11 @@ def test_files(sizing):
     written = {"sizing.json", "front.csv", "yield.csv", "SIZING.md", "front.png", "run.json"}
     written |= {"winner.toml", "fabrication"}
     assert names == written
-    assert (folder / "SIZING.md").read_text("utf-8").startswith("# Sizing")
+    page = (folder / "SIZING.md").read_text("utf-8")
+    assert page.startswith("# Sizing")
+    # a part of 20 kHz has 40 000 independent values a second, 2500 readings of 16
+    assert "a reading is the average of 16 values, and reaches 1250 Hz." in page
+    assert re.search(r"\| bandwidth +\| +100 +\| Hz +\| set +\| +100 +\|", page)
 
 
 def test_best_point_meets_all_requirements_by_finite_elements(sizing):

@@ -82,7 +82,7 @@ class Performance:
         lengths of its columns, negative if its sign changes); drift per K and
         hysteresis, over full scale; distinct (least distance of the readings of two loads,
         in standard deviations of their noise); clearance, outer_size, height, wall, mm; reach and reach_x (largest
-        press and force along the plate that the source covers, over the required ones).
+        press and force along the plate that the source covers, over the required ones); bandwidth of readings, Hz.
     margins : signed margins of the requirements, relative to their bounds, clipped to LEAST and MOST.
     corner, loads : for each of the p poses the corner (0 the least E, 1 the largest) and normal force, force along
         the plate, N, and its direction, rad, shape (n, p, 3).
@@ -150,6 +150,7 @@ def performance(
     values = {name: np.full(n, np.nan) for name in FIGURES}
     values |= {"reach": top / (share[:, 0] * needed.force_z), "stable_to": stable, "outer_size": sensors.size}
     values |= {"critical": _critical(beams, caution), "height": sensors.height, "wall": sensors.wall}
+    values["bandwidth"] = sensors.bandwidth
     if needed.first_mode is not None or dense:
         unit = np.sqrt(sensors.E_low / sensors.density) / sensors.D
         mode = beams.first_mode(sensors.magnet_density / sensors.density)
@@ -180,7 +181,7 @@ def _critical(beams: Any, caution: float) -> Array:
 FIGURES = (
     *("range_z", "range_x", "depth", "depth_stiff", "resolution_z", "resolution_x", "strain", "critical"),
     *("stable_to", "first_mode", "saturation", "decoding", "drift", "hysteresis", "distinct", "clearance"),
-    *("outer_size", "height", "wall", "reach", "reach_x"),
+    *("outer_size", "height", "wall", "reach", "reach_x", "bandwidth"),
 )
 WORST = ("strain", "resolution_z", "resolution_x", "saturation", "decoding", "drift", "distinct")
 """Figures of single poses."""
@@ -584,6 +585,7 @@ def margins(values: Mapping[str, Array], needed: Requirements) -> dict[str, Arra
         ("hysteresis", values["hysteresis"], -1),
         ("stability_margin", values["stable_to"] / values["depth"], 1),
         ("first_mode", values["first_mode"], 1),
+        ("bandwidth", values["bandwidth"], 1),
         ("outer_size", values["outer_size"], -1),
         ("height", values["height"], -1),
     ]

@@ -62,6 +62,7 @@ class Variant:
             "c_mm": d.c if three else None,
             "chips": None if three else int(d.chip_count),
             "chip_x_mm": None if three else d.chip_x,
+            "samples": int(d.hall_average),
         }
 
 
@@ -290,10 +291,11 @@ def joined(groups: list[Candidates]) -> Candidates:
 
 def part_fields(part: HallPartEntry, requirements: Requirements) -> dict[str, Any]:
     """Return the fields of a `Design` with a Hall part, its noise and the converter that reads it."""
-    fields: dict[str, Any] = {"hall_average": float(requirements.samples), **part.fields()}
+    average = max(part.average(requirements), 1)
+    fields: dict[str, Any] = {"hall_average": float(average), **part.fields()}
     if part.layout == "three":
         fields |= {"hall_noise": requirements.converter_noise, "hall_step": requirements.converter_step}
-        fields |= part.noise_fields(requirements.bandwidth)
+        fields |= part.noise_fields(requirements.bandwidth, average)
     return fields
 
 
@@ -315,6 +317,7 @@ def _seat(part: HallPartEntry, requirements: Requirements) -> dict[str, float]:
         "three": part.layout == "three",
         "count": part.count,
         "gain_drift": np.nan if part.gain_drift is None else part.gain_drift,
+        "bandwidth": part.largest_bandwidth(requirements, int(design.hall_average)),
         **{name: getattr(element, name) for name in ("gain", "null", "low", "high", "noise_T", "plate")},
         "roof": body.corner[2] + body.sides[2] - z,
         "above_underside": made.thickness + z,

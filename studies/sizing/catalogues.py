@@ -118,14 +118,54 @@ class HallPartEntry:
             return f'its noise is unknown: state it in a [[hall_part]] of your own with layout = "{self.layout}"'
         return ""
 
-    def noise_fields(self, bandwidth: float | None = None) -> dict[str, float]:
+    def refusal(self, needed: Requirements) -> str:
+        """Return why no sensor with these requirements can be sized with this part, "" if one can."""
+        if self.unusable or needed.bandwidth is None or self.average(needed) >= 1:
+            return self.unusable
+        rate = self.sampling(needed)
+        if rate is None:
+            return (
+                f"its rate is unknown, so that nothing says that it reads {needed.bandwidth:g} Hz: state the rate in "
+                f'a [[hall_part]] of your own with layout = "{self.layout}"'
+            )
+        enough = 2 * needed.bandwidth
+        return f"it has {rate:g} values a second, and a bandwidth of {needed.bandwidth:g} Hz needs {enough:g}"
+
+    def sampling(self, needed: Requirements) -> float | None:
+        """Return how many independent values of all axes come in a second, Hz; None if unknown.
+
+        Of one-axis parts they are those of the converter, at most twice the bandwidth of the part: closer values are
+        no independent ones.
+        """
+        if self.layout != "three":
+            return self.rate
+        return None if self.bandwidth is None else min(needed.converter_rate, 2 * self.bandwidth)
+
+    def average(self, needed: Requirements) -> int:
+        """Return the number of values of which a reading is the average: `samples`, or as many as there are.
+
+        Readings of a bandwidth b are 2 b a second, so that each has the values of 1 / (2 b); 0 where there is none,
+        or where the rate is unknown.
+        """
+        if needed.bandwidth is None:
+            return needed.samples
+        return min(needed.samples, int((self.sampling(needed) or 0.0) / (2 * needed.bandwidth) * (1 + 1e-12)))
+
+    def largest_bandwidth(self, needed: Requirements, average: int) -> float:
+        """Return the bandwidth of readings of which each is an average of so many values, Hz; NaN where unknown."""
+        rate = self.sampling(needed)
+        return math.nan if rate is None else rate / (2 * average)
+
+    def noise_fields(self, bandwidth: float | None = None, average: int = 1) -> dict[str, float]:
         """Return the fields of a `Design` for the part's white noise; none for a chip, whose noise the layout has.
 
-        bandwidth : -3 dB of a low pass of first order before the converter, Hz, at most that of the part.
+        bandwidth : -3 dB of readings that are averages of `average` values, Hz. The low pass of first order before
+            the converter is so many times wider, at most as wide as the part: an average then leaves the white noise
+            of this bandwidth, and less of that of the converter.
         """
         if self.noise_density is None or self.bandwidth is None:
             return {}
-        band = min(bandwidth or math.inf, self.bandwidth)
+        band = min((bandwidth or math.inf) * average, self.bandwidth)
         return {"hall_noise_density": self.gain * self.noise_density, "hall_bandwidth": FILTER * band}
 
 
@@ -157,7 +197,8 @@ class SiliconeEntry:
 class Catalogues:
     """The parts from which a sensor is sized, none of them empty.
 
-    `left_out` are Hall parts from which none can be: those of the ambient field, and chips of unknown noise.
+    `left_out` are Hall parts from which none can be, see `HallPartEntry.refusal`: those of the ambient field, chips
+    of unknown noise, and with a bandwidth parts that are slower, or of unknown rate.
     """
 
     magnets: tuple[MagnetEntry, ...]
@@ -394,10 +435,13 @@ def catalogues_of(requirements: Requirements) -> Catalogues:
     )
     in_use = _in_use("magnets", magnets, requirements)
     _check_fit(in_use, requirements)
-    unusable = {name: part.unusable for name, part in hall_parts.items() if part.unusable}
+    unusable = {name: why for name, part in hall_parts.items() if (why := part.refusal(requirements))}
     for name in requirements.hall_parts:
         if name in unusable:
             raise BadInput(f"hall_parts: no sensor can be sized with {name}: {unusable[name]}")
+    if hall_parts and len(unusable) == len(hall_parts):
+        reasons = "; ".join(f"{name}: {why}" for name, why in list(unusable.items())[:3])
+        raise BadInput(f"no sensor can be sized with any Hall part of the catalogues, such as {reasons}")
     return Catalogues(
         in_use,
         _in_use("hall_parts", {k: part for k, part in hall_parts.items() if k not in unusable}, requirements),

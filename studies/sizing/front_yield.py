@@ -271,8 +271,8 @@ def _margins(
     possible = possible & (beams.outside == "")
     result = performance(made, beams, requirements, caution=caution)
     margins = {name: np.where(possible, values, -1.0) for name, values in result.margins.items()}
-    # base and mould are those of the nominal design
-    for name in ("outer_size", "height", "wall", "clearance"):
+    # base, mould and rate are those of the nominal design
+    for name in ("outer_size", "height", "wall", "clearance", "bandwidth"):
         margins.pop(name, None)
     return margins | {IMPOSSIBLE: np.where(possible, 1.0, -1.0)}
 

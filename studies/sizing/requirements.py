@@ -24,6 +24,8 @@ from studies.inputs.user_input import check_keys, quantity, toml_table, validate
 
 EXAMPLE = Path(__file__).with_name("requirements_example.toml").read_text("utf-8")
 """A file of requirements with all keys."""
+CONVERTER_RATE = 80e3
+"""Values of three channels a second, Hz: the NI 9205 has 250 kS/s for all of its channels."""
 VERSION = 1
 """Newest version of the format of requirements."""
 AT_MOST = ("resolution_z", "resolution_x", "largest_strain", "drift_per_K", "hysteresis", "outer_size", "height")
@@ -86,6 +88,7 @@ class Requirements:
     bandwidth: float | None = _number("Hz", 1e-3, 1e6, "bandwidth of the readings")
     converter_noise: float = _number("V", 0, 1, "noise of the converter (rms)", CONVERTER_NOISE)
     converter_step: float = _number("V", 0, 1, "step of the converter", CONVERTER_STEP)
+    converter_rate: float = _number("Hz", 1e-3, 1e7, "values of all one-axis parts a second", CONVERTER_RATE)
     samples: int = 1
     chips: int = 1
     outer_shape: Literal["round", "square"] = "round"

@@ -35,6 +35,7 @@ class Sensors:
         shape (n, m, 3). owners : the element of each point, shape (m,).
     gain, null, low, high, noise : of the k elements, shape (n, k).
     drift, loss : of the gain per K, relative, NaN where unknown; loss factor of the silicone, shape (n,).
+    bandwidth : largest one of the readings, Hz, NaN where unknown, shape (n,).
     beside : distance of the face of S2 from the axis and its height, shape (n, 2); NaN for a chip.
     offset, turn : displacement and rotation vector of the magnet in the silicone, (n, 3) and (n, 2); None for 0.
     """
@@ -61,6 +62,7 @@ class Sensors:
     noise: Array
     drift: Array
     loss: Array
+    bandwidth: Array
     beside: Array
     offset: Array | None = None
     turn: Array | None = None
@@ -127,6 +129,7 @@ def sensors_of(candidates: Candidates) -> Sensors:
         noise=np.where(real, c.hall_part("noise_T")[:, None], np.inf),
         drift=c.hall_part("gain_drift"),
         loss=c.silicone("loss_factor"),
+        bandwidth=c.hall_part("bandwidth"),
         beside=np.where(c.three[:, None], np.column_stack([f - SS495A.depth, c.lengths[:, 4]]), np.nan),
     )
 
@@ -161,6 +164,7 @@ def sensors_of_variant(variant: Variant, needed: Requirements) -> Sensors:
         owners=owners,
         drift=np.array([variant.hall_part.gain_drift], dtype=float),
         loss=np.array([np.nan if d.prony else d.loss_factor]),
+        bandwidth=np.array([variant.hall_part.largest_bandwidth(needed, int(d.hall_average))]),
         beside=np.array([[d.f - SS495A.depth, level] if three else [np.nan, np.nan]]),
     )
 

@@ -268,6 +268,8 @@ def page(sizing: Sizing) -> str:
         Path(__file__).with_name("SIZING.md.j2"),
         sizing=sizing,
         requirements=requirements,
+        left_out=() if sizing.requirements.hall_parts else sizing.catalogues.left_out,
+        unsure=() if sizing.winner is None else _of_noise(sizing.winner.variant.hall_part.assumed),
         made=sizing.winner_yield,
         ranked=rows,
         front_heads={name: name for name in FRONT},
@@ -283,6 +285,11 @@ def page(sizing: Sizing) -> str:
         nearest_worst=[] if nearest is None else nearest.worst,
         misses=[{"requirement": name, "margin, %": 100 * margins[name]} for name in least],
     )
+
+
+def _of_noise(keys: tuple[str, ...]) -> list[str]:
+    """Return which of these keys decide the noise of a reading."""
+    return [key for key in keys if key in ("noise", "noise_density", "rate", "bandwidth", "step")]
 
 
 def _costs(rows: list[FlatRow]) -> list[FlatRow]:

@@ -306,7 +306,10 @@ def part_fields(needed: Requirements | None) -> dict[str, dict[str, Field]]:
         "silicone_part": {part.name: part.fields() for part in found.silicones},
         "magnet_part": {part.name: part.fields() for part in found.magnets},
         "grade": {part.grade: {"remanence": part.remanence} for part in sorted(found.magnets, key=lambda m: m.grade)},
-        "hall_part": {part.name: part.fields() | part.noise_fields(needed.bandwidth) for part in found.hall_parts},
+        "hall_part": {
+            part.name: part.fields() | part.noise_fields(needed.bandwidth, part.average(needed))
+            for part in found.hall_parts
+        },
     }
     return {
         name: {
