@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-__all__ = ["FINE", "LEVELS", "QUICK", "STANDARD", "Accuracy", "level"]
+__all__ = ["FINE", "LEVELS", "QUICK", "STANDARD", "Accuracy", "coarser", "level", "longer_edges"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,6 +19,7 @@ class Accuracy:
         plate), over D; coarser elements there make the tip too stiff in shear.
     harmonics : number of harmonics of the harmonic model.
     friction_step_factor : factor on the longest load increments with Coulomb friction.
+    coarseness : factor on every edge length of a section, those at fillets, corners and in thin layers too.
     """
 
     name: str
@@ -28,6 +29,7 @@ class Accuracy:
     solid_patch: float
     harmonics: int
     friction_step_factor: float = 1.0
+    coarseness: float = 1.0
 
 
 QUICK = Accuracy("quick", 0.16, 0.16, 0.012, 0.03, 2)
@@ -51,18 +53,31 @@ def level(accuracy: Accuracy | str) -> Accuracy:
 
 COARSER = 1.5
 """Edge lengths, and load increments with friction, of the coarser mesh for error estimates, over those of the
-solution. At 1.5 that mesh has less than half of the unknowns, and is still fine enough for its errors to be of the
-same kind."""
+solution. A section then has some four tenths of the unknowns, tetrahedra about half, and the mesh is still fine
+enough for its errors to be of the same kind."""
 
 
 def coarser(accuracy: Accuracy) -> Accuracy:
     """Return the accuracy of the coarser mesh that errors are estimated with.
 
-    It has one harmonic less. A shear needs one harmonic, so the comparison for a single harmonic has two.
+    All edges of a section are longer by COARSER, those at fillets, corners and in thin layers too. It has one
+    harmonic less; a shear needs one harmonic, so the comparison for a single harmonic has two.
 
-    >>> coarser(STANDARD).harmonics, coarser(STANDARD).friction_step_factor
-    (2, 1.5)
+    >>> coarser(STANDARD).harmonics, coarser(STANDARD).coarseness, coarser(STANDARD).section_size
+    (2, 1.5, 0.09)
     """
-    sizes = ("section_size", "solid_size", "section_patch", "solid_patch", "friction_step_factor")
-    changed = {size: COARSER * getattr(accuracy, size) for size in sizes}
-    return replace(accuracy, harmonics=accuracy.harmonics - 1 if accuracy.harmonics > 1 else 2, **changed)
+    return _changed(accuracy, "coarseness", "solid_size", "solid_patch")
+
+
+def longer_edges(accuracy: Accuracy) -> Accuracy:
+    """Return the accuracy of the mesh that errors of critical depths, small shears, modes and vibrations are
+    estimated with, on which their rules rest.
+
+    Its edges are longer by COARSER but for those that follow from a fillet, a corner or a thin layer.
+    """
+    return _changed(accuracy, "section_size", "section_patch", "solid_size", "solid_patch")
+
+
+def _changed(accuracy: Accuracy, *sizes: str) -> Accuracy:
+    longer = {size: COARSER * getattr(accuracy, size) for size in (*sizes, "friction_step_factor")}
+    return replace(accuracy, harmonics=accuracy.harmonics - 1 if accuracy.harmonics > 1 else 2, **longer)

@@ -17,7 +17,7 @@ from dataclasses import replace
 from typing import Any
 
 from fem.accuracy import STANDARD, Accuracy, level
-from fem.results.error_estimates import estimate_response
+from fem.results.error_estimates import estimate_state
 from fem.results.lateral_stiffness import SidewaysModel
 from fem.results.postprocess import read
 from fem.scene import Model, Scene
@@ -154,7 +154,7 @@ def with_estimates(state: Solution, coarse_state: Solution, scene: Scene) -> Sol
     same = (load.depth, load.imposed_shear) == (coarse_load.depth, coarse_load.imposed_shear)
     if not same:
         return replace(state, seconds=seconds)
-    estimates = estimate_response(state.response, coarse_state.response, load, scene, state.model)
+    estimates = estimate_state(state, coarse_state, scene)
     return replace(state, seconds=seconds, estimates=estimates)
 
 

@@ -225,12 +225,17 @@ class Scene:
             }
             for load in self.loads
         ]
+        accuracy = {name: value for name, value in dataclasses.asdict(self.accuracy).items() if name != "name"}
+        if (
+            self.accuracy.coarseness == 1
+        ):  # all levels: their states have the keys of stores made before it was a field
+            del accuracy["coarseness"]
         content = {
             "shape": dataclasses.asdict(shape.scaled(1 / D)),
             "nu": self.design.nu,
             "law": [self.design.law, *self.design.law_numbers],
             "loads": loads,
-            "accuracy": {name: value for name, value in dataclasses.asdict(self.accuracy).items() if name != "name"},
+            "accuracy": accuracy,
             "magnet": self.magnet,
             "model": self.model,
         }

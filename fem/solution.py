@@ -17,6 +17,7 @@ CREASE = 2.4
 """Stretch normal to a free surface over the least one along it, from which on it creases (see
 `fem.results.silicone_limits`)."""
 
+RadiusSource = Literal["gap", "pressure", "area"]
 Status = Literal["ok", "unstable", "unknown", "not_converged", "no_contact"]
 
 
@@ -130,8 +131,10 @@ class Estimates:
     """Estimated relative errors from the mesh and the harmonics, see `fem.results.error_estimates`.
 
     Those of force, shift and tilt are relative errors of the vectors, or of the numbers of a small shear; that of
-    `sideways` is of the force along the shear, `depth` of a critical depth (and `force` then of the critical force),
-    `stiffness` of a small shear. None where they were not estimated, or where the quantity is zero.
+    `sideways` is of the force along the shear, `depth` and `shear` of those that a wanted force leads to, `depth` of
+    a critical depth too (and `force` then of the critical force), `stiffness` of a small shear. `strain` is that of
+    the largest strain, `crease` that of the crease ratio; that of `slip_share`, which may be 0, is absolute. None
+    where they are unknown, were not estimated, or the quantity is zero.
     """
 
     force: float | None = None
@@ -139,7 +142,14 @@ class Estimates:
     tilt: float | None = None
     sideways: float | None = None
     depth: float | None = None
+    shear: float | None = None
     stiffness: float | None = None
+    contact_radius: float | None = None
+    energy: float | None = None
+    strain: float | None = None
+    crease: float | None = None
+    dissipated: float | None = None
+    slip_share: float | None = None
 
 
 NOT_ESTIMATED = Estimates()
@@ -162,6 +172,9 @@ class Solution:
     dissipated : energy dissipated by slip on the plate since the path began, N mm.
     slip_share : share of the contact area that slips; None without Coulomb friction or contact.
     estimates : estimated errors.
+    radius_from : what the contact radius follows from (`fem.model.plate_contact`): "gap", the gap around the contact;
+        "pressure", a Hertz contact with its second moment of the pressure, where the points around the contact are
+        too few; "area", the area that touches under a shear. None without a plate.
     """
 
     load: Load
@@ -177,6 +190,7 @@ class Solution:
     dissipated: float = 0.0
     slip_share: float | None = None
     estimates: Estimates = NOT_ESTIMATED
+    radius_from: RadiusSource | None = None
 
     @property
     def status(self) -> Status:

@@ -167,6 +167,7 @@ class Settings:
     magnet: Literal["hole", "meshed", "none"]
     glued: bool
     growth: float
+    coarseness: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,18 +180,20 @@ class Grading:
     source : points with a smaller edge length, shape (m,); the first one is the tip.
     least : edge length at each source, shape (m,).
     growth : growth of the edge length per distance from each source, shape (m,).
+    coarseness : factor on all of these edge lengths.
     """
 
     size: float
     source: Points
     least: Array
     growth: Array
+    coarseness: float
 
     def __call__(self, x: Points) -> Array:
         """Return the target edge length at points, shape (n,)."""
         wanted = np.full(len(x), self.size)
         _shorten(wanted, x.real.copy(), x.imag.copy(), self.source, self.least, self.growth)
-        return wanted
+        return self.coarseness * wanted
 
 
 @compiled
@@ -233,7 +236,7 @@ def grading(shape: Shape, curves: list[Curve], s: Settings) -> Grading:
         sources.append((x[want < s.size], want[want < s.size], from_others))
     least = np.concatenate([np.broadcast_to(length, len(x)) for x, length, _ in sources])
     growth = np.repeat([rate for _, _, rate in sources], [len(x) for x, _, _ in sources])
-    return Grading(s.size, np.concatenate([x for x, _, _ in sources]), least, growth)
+    return Grading(s.size, np.concatenate([x for x, _, _ in sources]), least, growth, s.coarseness)
 
 
 def _magnet_lengths(shape: Shape, curve: Curve, x: Points, s: Settings) -> Array:
@@ -294,6 +297,7 @@ def section(
     magnet: Literal["hole", "meshed", "none"] = "hole",
     glued: bool = False,
     growth: float = GROWTH,
+    coarseness: float = 1.0,
 ) -> Any:
     """Mesh the section of the beam, finer at the tip, the clamped corner, the magnet's edges and in thin layers.
 
@@ -308,6 +312,8 @@ def section(
     magnet : "hole" leaves the magnet out, "meshed" meshes it too, "none" fills its place with silicone.
     glued : whether the area inside the ring will be glued; triangles at the ring are then graded towards it.
     growth : growth of the edge length per unit of distance from edges of the magnet, the clamp and thin layers.
+    coarseness : factor on every edge length that follows from the above, those at fillets, corners and in thin layers
+        too.
 
     Returns
     -------
@@ -330,7 +336,7 @@ def section(
     *lengths, size_D, tip_D = (float(f"{v / shape.D:.11e}") for v in (*dataclasses.astuple(shape), size, tip_size))
     unit = Shape(*lengths)
     ring = None if rim is None else (float(f"{rim[0] / shape.D:.6e}"), float(f"{rim[1] / shape.D:.6e}"))
-    settings = Settings(size_D, tip_D, ring, fillet, magnet, glued, growth)
+    settings = Settings(size_D, tip_D, ring, fillet, magnet, glued, growth, coarseness)
     cuts, inner, silicone, core = _triangulated(unit, settings)
     curves = outline(shape, magnet, ring and ring[0] * shape.D)
     mesh = _second_order(_border(curves, cuts), inner * shape.D, silicone, core)

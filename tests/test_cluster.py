@@ -120,7 +120,7 @@ def test_a_worker_with_another_version_that_joins_later_is_refused(address, monk
 
 def test_workers_with_other_physics_are_refused(address, monkeypatch):
     monkeypatch.setattr(cluster, "installed_models", lambda: (installed("magtip"), PHYSICS | {"half": 99}))
-    with pytest.raises(BadInput, match=r"magtip .* with other physics versions"):
+    with pytest.raises(BadInput, match=r"magtip .* with other versions of physics or estimates"):
         next(finished([4.0], math.sqrt, workers=0, scheduler=address))
 
 

@@ -56,6 +56,16 @@ def test_the_state_is_that_of_a_single_solve_at_its_depth():
     assert (state.status, state.message, state.facts.remark) == (single.status, single.message, single.facts.remark)
 
 
+def test_the_depth_of_a_force_has_an_error_of_its_own():
+    """Near 5 N the force grows like the depth to the power 1.6: the depth is off by 1 / 1.6 of its error."""
+    state = solve_force(paper(), 5.0, QUICK)
+    assert state.estimates.depth == pytest.approx(state.estimates.force / 1.6, rel=0.03)
+    assert state.estimates.shear is None
+    sheared = solve_force(paper(), 3.0, ROUGH, shear_force=(0.3, 0.0)).estimates
+    assert 0 < sheared.depth < 0.05
+    assert sheared.shear == pytest.approx(sheared.sideways / 0.98, rel=0.1)
+
+
 def test_a_force_between_those_of_two_meshes_has_a_state():
     """The meshes of light and of deep presses meet at a depth where their forces differ a little."""
     bound = SHALLOW * paper().D

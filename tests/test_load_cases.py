@@ -306,6 +306,17 @@ def test_a_picture_and_a_comparison_are_not_by_the_surrogate(run, monkeypatch, t
     assert chosen.model_kind == "fem"
 
 
+def test_a_comparison_tells_which_estimates_exceed_its_tolerance_and_which_are_unknown():
+    row = {"status": "ok", "depth_mm": 1.0, "error_estimate": 0.01, "sideways_error_estimate": math.nan}
+    assert within_tolerance.beyond([row], 0.02) == []
+    (said,) = within_tolerance.beyond([row | {"error_estimate": math.nan}], 0.02)
+    assert said == "tolerance 2 %: error_estimate is unknown at depth 1 mm"
+    (said,) = within_tolerance.beyond([row | {"shear_mm": 0.5}], 0.02)
+    assert said == "tolerance 2 %: sideways_error_estimate is unknown at depth 1 mm"
+    (said,) = within_tolerance.beyond([row | {"error_estimate": 0.03}], 0.02)
+    assert said == "tolerance 2 %: error_estimate of 3 % exceeds it at depth 1 mm"
+
+
 @pytest.mark.parametrize(
     ("quick", "finer", "status", "model", "said"),
     [
@@ -315,11 +326,11 @@ def test_a_picture_and_a_comparison_are_not_by_the_surrogate(run, monkeypatch, t
     ],
 )
 def test_an_estimate_beyond_the_tolerance_is_solved_again_finer(monkeypatch, run, quick, finer, status, model, said):
-    def estimates(one, other, load, scene, model):
+    def estimates(one, other, scene):
         value = quick if scene.accuracy.name == "quick" else finer
         return Estimates(force=value, shift=value, tilt=None, sideways=None)
 
-    monkeypatch.setattr("fem.equilibrium.estimate_response", estimates)
+    monkeypatch.setattr("fem.equilibrium.estimate_state", estimates)
     words = ("solve", "paper", *WITHOUT_SURROGATE, "--depth", "0.4", "--tolerance", "2%", "--json")
     found, out, err = run(*words)
     row = json.loads(out)

@@ -10,6 +10,7 @@ from dataclasses import asdict, replace
 import pytest
 
 from fem.accuracy import LEVELS, QUICK
+from fem.physics_version import ESTIMATES
 from fem.scene import Scene
 from geometry.design import paper
 from geometry.loads import Load
@@ -32,6 +33,7 @@ CONTENT = {
     "quantity": "states",
     "load": {"friction": "none", "grip": None, "plate_tilt": 0.0, "imperfection": 0.0},
     "physics": 2,
+    "estimates": ESTIMATES,
 }
 OTHER = CONTENT | {"law": ["yeoh", 0.1, 0.0], "model": "harmonic", "accuracy": ACCURACY | {"harmonics": 7}}
 OTHER |= {"physics": 3, "nu": 0.45, "load": {"friction": 0.3}}
@@ -124,6 +126,8 @@ def test_dates_and_physics_limit_the_states(file, monkeypatch):
     assert listing(file, since="2026-03-01T12:00:01")[0]["states"] == 3
     monkeypatch.setattr("fem.physics_version.PHYSICS", {"axisymmetric": 3, "harmonic": 3})
     assert listing(file, older_physics=True)[0]["states_by_model"] == ("axisymmetric (physics 2): 3",)
+    monkeypatch.setattr("fem.physics_version.ESTIMATES", ESTIMATES + 1)
+    assert listing(file, older_physics=True)[0]["states"] == 4
 
 
 def test_a_path_has_the_totals_of_its_states_and_a_vibration_the_load_about_which_it_is(file):

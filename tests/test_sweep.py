@@ -14,14 +14,14 @@ from stores import temporary
 from analytic import beam, hall
 from fem import equilibrium
 from fem.accuracy import FINE, QUICK, STANDARD
-from fem.physics_version import PHYSICS
+from fem.physics_version import ESTIMATES, PHYSICS
 from geometry.bad_input import MeshError, SolveFailed
 from geometry.design import Design, paper
 from geometry.loads import Load
 from studies.inputs import study_input
 from studies.inputs.option_groups import Sweep
 from studies.inputs.study_input import Factor, grid
-from studies.mechanics import solve_plan
+from studies.mechanics import path_solver, solve_plan
 from studies.mechanics.solve_plan import Processes
 from studies.mechanics.study_cases import FemModel, Plan
 from studies.sweeps import sweep
@@ -182,11 +182,14 @@ def test_a_case_that_fails_is_kept_and_not_tried_again(kept, traced):
     assert str(again) == str(first)
 
 
-def test_another_physics_version_is_solved_again(kept, traced, monkeypatch):
+def test_another_version_of_physics_or_estimates_is_solved_again(kept, traced, monkeypatch):
+    run(BARE, {"depth": [0.5]}, kept=kept)
+    monkeypatch.setattr(path_solver, "ESTIMATES", ESTIMATES + 1)
     run(BARE, {"depth": [0.5]}, kept=kept)
     monkeypatch.setitem(PHYSICS, "axisymmetric", PHYSICS["axisymmetric"] + 1)
     run(BARE, {"depth": [0.5]}, kept=kept)
-    assert len(traced) == 2
+    run(BARE, {"depth": [0.5]}, kept=kept)
+    assert len(traced) == 3
 
 
 SIDE = {"quantities": ("force", "shift", "tilt", "readings")}

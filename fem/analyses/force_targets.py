@@ -33,7 +33,8 @@ import skfem
 from fem.accuracy import STANDARD, Accuracy
 from fem.equilibrium import sideways_model, with_estimates
 from fem.model import coulomb_friction
-from fem.results.postprocess import read, tip_force
+from fem.results.error_estimates import estimate_response
+from fem.results.postprocess import read, read_response, tip_force
 from fem.scene import Model, Scene, silicone_on_axis
 from fem.solution import Solution
 from fem.solve.load_case_models import mesh_range, path_models
@@ -54,6 +55,11 @@ the search converges so fast that a looser tolerance would save less than one st
 SHARED_TOLERANCE = 1e-3
 """The same where two states bracket the wanted force without room for another one between them: with Coulomb friction
 the force depends a little on the increments before it."""
+
+
+LEAST_APART = 1e-3
+"""Least relative distance of two motions between which a power of the force is measured: that is far above the
+tolerance of Newton's method."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -186,6 +192,21 @@ class LoadingCurve:
         ahead = -self.excess(last, force) * (last.motion - before.motion) / rise if rise > 0 else math.inf
         # a larger ratio may lead into loads that no solve reaches; a smaller one would creep where the curve is flat
         return last.motion * min(max(1 + ahead / last.motion, 1.001), 1.5)
+
+    def power_at(self, point: CurvePoint) -> float:
+        """Return the power of the motion with which the force grows near a point; `power` where no other one is near.
+
+        >>> states = [CurvePoint(motion, motion**1.5, None) for motion in (0.0, 1.0, 2.0)]
+        >>> LoadingCurve(states, None, power=1.0, most=3.0).power_at(states[2])
+        1.5
+        """
+        others = [one for one in self.points if one.force > 0 and one.motion > 0]
+        apart = [abs(math.log(one.motion / point.motion)) for one in others]
+        near = min(((gap, k) for k, gap in enumerate(apart) if gap > LEAST_APART), default=None)
+        if near is None:
+            return self.power
+        other = others[near[1]]
+        return math.log(other.force / point.force) / math.log(other.motion / point.motion)
 
     def excess(self, point: CurvePoint, force: float) -> float:
         """Return the force of a state over the wanted one, to the power at which it is proportional to the motion."""
@@ -350,20 +371,28 @@ class _Search:
     def solve(self, target: ForceTarget, scene: Scene, watch: Callable[..., None]) -> Solution:
         """Return the state with the forces of a target; `watch` is called before each solve with depth and shear."""
         begin, D, shear = time.perf_counter(), scene.design.D, 0.0
-        path, point = self._press(target, scene, watch)
-        depth = point.motion
+        path, press = self._press(target, scene, watch)
+        point, depth = press, press.motion
         if target.shear_force is not None:
-            point = path.shear(point, target, functools.partial(watch, depth))
+            point = path.shear(press, target, functools.partial(watch, depth))
             shear = point.motion
         load = target.load_at(depth * D, shear * D)
         state = path.read(point, load, time.perf_counter() - begin)
         begin, coarse = time.perf_counter(), path.coarser if self._estimate else None
         if coarse is None:
             return state
-        coarse_point = coarse.press.reach(depth)
+        coarse_press = coarse_point = coarse.press.reach(depth)
         if target.shear_force is not None and not coarse_point.stop:
             coarse_point = coarse.start_shear(coarse_point).reach(shear)
-        return with_estimates(state, coarse.read(coarse_point, load, time.perf_counter() - begin), path.scene)
+        found = with_estimates(state, coarse.read(coarse_point, load, time.perf_counter() - begin), path.scene)
+        if coarse_point.stop:
+            return found
+        fine, rough = (read_response(one.state, path.scene) for one in (press, coarse_press))
+        pressed = estimate_response(fine, rough, target.load_at(depth * D, 0.0), path.scene, press.state.d.model)
+        motions = {"depth": motion_error(path.press, press, pressed.force)}
+        if target.shear_force is not None:
+            motions["shear"] = motion_error(path.start_shear(press), point, found.estimates.sideways)
+        return replace(found, estimates=replace(found.estimates, **motions))
 
     def _press(self, target: ForceTarget, scene: Scene, watch: Watch) -> tuple[ForcePath, CurvePoint]:
         """Return the state of a press with the normal force of a target, and the path on the mesh of its depth."""
@@ -385,6 +414,15 @@ class _Search:
             raise OutOfReach(_refusal(found, target.force, "press", "depth", scene.design))
         self._depths[target.force] = depth
         return path, point
+
+
+def motion_error(curve: LoadingCurve, point: CurvePoint, error: float | None) -> float | None:
+    """Return the relative error of the motion that a wanted force has led to, from that of the force at that motion.
+
+    Near a point the force grows like the motion to a power n: the motion is off by 1 / n of the error of the force.
+    """
+    power = curve.power_at(point)
+    return None if error is None or not power > 0 else error / power
 
 
 class ForcePath:

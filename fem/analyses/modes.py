@@ -78,7 +78,7 @@ def modes(
 
     Parameters
     ----------
-    estimate : estimate the errors from a second solve on a mesh coarser by COARSER, with the same edge of contact:
+    estimate : estimate the errors from a second solve on a mesh with longer edges, with the same edge of contact:
         the constants of the rules cover the error of its location, not the difference of both solves (fem/README.md).
 
     Raises
@@ -94,7 +94,7 @@ def modes(
 
 
 def estimate_frequencies(found: Modes, coarse: Modes, scene: Scene) -> tuple[float | None, ...]:
-    """Return the estimated errors of frequencies, from those on a mesh coarser by COARSER.
+    """Return the estimated errors of frequencies, from those on the coarser mesh.
 
     The first, second, ... modes of each shape are compared.
     """

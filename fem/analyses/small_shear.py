@@ -84,7 +84,7 @@ def small_shear(
 
     Parameters
     ----------
-    estimate : estimate the errors from a second solve on a mesh coarser by COARSER, with the same glued area: the
+    estimate : estimate the errors from a second solve on a mesh with longer edges, with the same glued area: the
         constants of the rules cover the error of its location, not the difference of both solves (fem/README.md).
 
     Raises
@@ -108,8 +108,9 @@ def small_shear(
 
 
 def estimate_small_shear(found: SmallShear, coarse: SmallShear, scene: Scene) -> Estimates:
-    """Return the estimated errors of a small shear, from that on a mesh coarser by COARSER."""
-    numbers = {name: (getattr(found, name), getattr(coarse, name)) for name in ("stiffness", "shift", "tilt")}
+    """Return the estimated errors of a small shear, from that on the coarser mesh."""
+    names = ("stiffness", "shift", "tilt", "force", "contact_radius")
+    numbers = {name: (getattr(found, name), getattr(coarse, name)) for name in names}
     return estimate_numbers("small shear", numbers, scene, max(found.contact_radius / scene.design.D, LEAST_RADIUS))
 
 

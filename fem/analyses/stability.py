@@ -103,7 +103,7 @@ def critical(
 
 
 def estimate_critical(found: Critical, coarse: Critical, scene: Scene) -> Estimates:
-    """Return the estimated errors of a critical state, from that on a mesh coarser by COARSER."""
+    """Return the estimated errors of a critical state, from that on the coarser mesh."""
     numbers = {"depth": (found.depth, coarse.depth), "force": (found.force, coarse.force)}
     base = max((found.depth or 0.0) / scene.design.D, LEAST_DEPTH)
     return estimate_numbers("critical", numbers, scene, base)

@@ -304,9 +304,16 @@ def contact_radius(surface: Surface, u: Array, plate: Plate) -> float:
     a. That is far less sensitive to the mesh than the outermost point under pressure. r is the distance from the
     centre of pressure; points in all directions count. For the contact area of a sheared tip see `equal_area_radius`.
 
-    Where fewer than four radii lie in that range, the result is the radius of a Hertz contact with the same second
-    moment of the pressure, a^2 = 5/2 int p r^2 dA / int p dA: within 1 % up to a = D/4, and 2 % too small at 0.43 D.
+    Where fewer than four radii lie in that range, `gap_radius` is None, and the result is the radius of a Hertz
+    contact with the same second moment of the pressure, a^2 = 5/2 int p r^2 dA / int p dA: within 1 % up to a = D/4,
+    and 2 % too small at 0.43 D.
     """
+    radius = gap_radius(surface, u, plate)
+    return hertz_radius(surface, u, plate) if radius is None else radius
+
+
+def gap_radius(surface: Surface, u: Array, plate: Plate) -> float | None:
+    """Return the radius at which the gap begins, see `contact_radius`; None where too few points show it."""
     g = overlap(surface, u, plate)
     pressed = g > 0
     if not pressed.any():
@@ -323,7 +330,7 @@ def contact_radius(surface: Surface, u: Array, plate: Plate) -> float:
             break  # the same points have the same fit
         near, opened, range_before = outside[first:last], opening[first:last], (first, last)
         if np.count_nonzero(np.diff(near) > SAME_PLACE) < 3:
-            return hertz_radius(surface, u, plate)
+            return None
         x = near / radius - 1
         powers = np.array([x * x, x, np.ones_like(x)])
         # the normal equations of so few terms lose five digits at most
@@ -331,7 +338,7 @@ def contact_radius(surface: Surface, u: Array, plate: Plate) -> float:
         # this form of the smaller root does not cancel when the quadratic is nearly a line
         root = -2 * a0 / (a1 + np.sqrt(max(a1 * a1 - 4 * a2 * a0, 0.0)))
         if not abs(root) < 0.5:
-            return hertz_radius(surface, u, plate)
+            return None
         radius *= 1 + float(root)
     return radius
 

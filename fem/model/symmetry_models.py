@@ -114,6 +114,7 @@ class MeshSpecification:
     sines : whether the harmonics include sine orders, for a load without a plane of symmetry.
     mesh : tetrahedral mesh in units of D to use instead of a new one (with a hole for a rigid magnet); sizes and rim
         are then ignored.
+    coarseness : factor on every edge length of a section.
     """
 
     shape: Shape
@@ -131,6 +132,7 @@ class MeshSpecification:
     skin_harmonics: int = 0
     sines: bool = False
     mesh: skfem.MeshTet2 | None = None
+    coarseness: float = 1.0
 
     def build(self) -> Discretisation:
         """Build the model; specifications with equal sizes share one mesh."""
@@ -167,13 +169,15 @@ class MeshSpecification:
             "magnet": "hole" if self.magnet == "rigid" else "none",
         }
         if self.body == "section":
-            return _section_mesh(self.shape, self.size, **settings, fillet=self.fillet, glued=self.glued)
+            settings |= {"fillet": self.fillet, "glued": self.glued, "coarseness": self.coarseness}
+            return _section_mesh(self.shape, self.size, **settings)
         return self.mesh or _solid_mesh(self.shape, self.size, **settings, half=self.body == "half")
 
 
 def specification(scene: Scene, size: float, tip_size: float | None = None) -> MeshSpecification:
     """Return the specification of a section of a scene's beam with these edge lengths over D; at the tip size / 2."""
-    return MeshSpecification(scene.shape, scene.design.nu, scene.magnet, size, tip_size or size / 2, scene.law)
+    tip, coarseness = tip_size or size / 2, scene.accuracy.coarseness
+    return MeshSpecification(scene.shape, scene.design.nu, scene.magnet, size, tip, scene.law, coarseness=coarseness)
 
 
 def distribute_push(skin: elements.Surface, fields: tuple[int, ...], above: float, force: float) -> Array:

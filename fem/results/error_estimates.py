@@ -1,30 +1,34 @@
 """Relative errors of an answer, estimated from its difference to the answer on a coarser mesh.
 
-`estimated` solves again on the coarser mesh. A rule expects the error from the relative difference d of both answers.
+A state on a section is solved again on a mesh that is coarser everywhere (`Scene.coarser`), an analysis on one with
+longer edges (`estimated`). A rule expects the error from the relative difference d of both answers.
 
 With the edge length h of the mesh, and a base b that measures how hard the state is to resolve,
 
     usual difference    u = m (h / D)^p / b^q
     expected error      c u^(1 - s) max(d, LEAST_OVER_USUAL u)^s
 
-Where a contact ends between two integration points is random, which causes errors of either sign. u is therefore
-often a better measure of the error than d, and s is small.
+Where a contact ends between two integration points is random, which causes errors of either sign. Where they prevail,
+u is a better measure of the error than d, and s is small; with s = 1 the expected error is c d, with a floor.
 
 The constants are in error_rules.csv beside this module (all numbers are of dimension 1), by scene, by magnet (rigid,
-ignored) or motion of a vibration (z, x), and by quantity. Each row has the version of the answers that its evidence
-is of (`fem.physics_version`), the study, and the commit whose solves it used; fem/README.md says how the constants
-were found. A row of another version than today's is no rule: the estimate is then unknown.
+ignored, or any) or motion of a vibration (z, x), and by quantity. Each row has the version of the answers that its
+evidence is of (`fem.physics_version`), the study, and the commit whose solves it used; fem/README.md says how the
+constants were found. A row of another version than today's is no rule: the estimate is then unknown.
 
 Scenes and their bases:
 
 - press, deep: frictionless presses above and below the first depth of `press_limits`; pressed: a press before a
   shear, on its mesh, which is refined where the contact ends; stick, far: shears of a glued plate up to STICK_SHEAR
-  and beyond; grip: a shear of a grip, whose force is all along the shear; friction: any state with Coulomb friction,
-  where the coarser solve also takes longer load steps. b is the contact radius over D, at least LEAST_RADIUS. The
-  quantity sideways is the force along the shear alone, and its base the share of that component in the whole force:
-  slip depends on the normal force, beside which it may be small. Upright presses have no tilt; their rule of the tilt
-  is that of the shift.
-- tilted press, tilted stick, tilted friction: a tilted plate, on sections. solid, solid press: tetrahedra refined
+  and beyond; grip: a shear of a grip that ends on the dome, whose force is all along the shear; wall grip: of one
+  that ends on the cylinder, where the mesh has no node at its edge, so that b is the free length below it over D;
+  friction: any state with Coulomb friction, where the coarser solve also takes longer load steps. Elsewhere b is the
+  contact radius over D, at least LEAST_RADIUS. The quantity sideways is the force along the shear alone, and its base
+  the share of that component in the whole force: slip depends on the normal force, beside which it may be small.
+  Upright presses have no tilt; their rule of the tilt is that of the shift. NUMBERS have the same base, but
+  dissipated the energy that slip has dissipated over the stored one, of which some small share is lost or won by the
+  load increments. A share that slips has an absolute error.
+- tilted: a tilted plate, on sections, that presses, sticks or rubs. solid, solid press: tetrahedra refined
   where the contact ends, and not, as in an upright press; with friction their rule of sideways is that of friction.
 - critical: depth and force at which a press buckles; b is the depth over D, at least LEAST_DEPTH. small shear:
   stiffness, shift and tilt; b is the contact radius over D, at least LEAST_RADIUS. modes: frequency and pressed
@@ -46,15 +50,18 @@ from typing import Any, Literal, TypeVar
 
 import numpy as np
 
+from fem.accuracy import longer_edges
 from fem.physics_version import PHYSICS, outdated
 from fem.scene import Scene, press_limits
-from fem.solution import Estimates
+from fem.solution import Estimates, Solution
 from geometry.arrays import Array
 from geometry.bad_input import BadInput
 from geometry.loads import Load, Response
 
 VibrationQuantity = Literal["force", "shift", "reading", "base"]
 
+ANY = "any"
+"""Variant of a rule that holds with and without a rigid magnet."""
 TABLE = Path(__file__).with_name("error_rules.csv")
 LEAST_OVER_USUAL = 0.2
 """Lower bound of the actual difference, over the usual one: two meshes may agree by chance. Of the 2920 differences
@@ -135,9 +142,19 @@ def error_rules() -> Mapping[tuple[str, str, str], ErrorRule | None]:
     }
 
 
+def scene_of_rules(case: str) -> str:
+    """Return the scene in the table of a load case: tilted plates share one."""
+    return "tilted" if case.startswith("tilted ") else case
+
+
 def error_rule(scene: str, variant: str, quantity: str) -> ErrorRule | None:
-    """Return a rule; None where the answers have changed since its study."""
-    return error_rules()[scene, variant, quantity]
+    """Return a rule; None without one, and where the answers have changed since its study.
+
+    >>> error_rule("modes", "rigid", "torsion") is None
+    True
+    """
+    rules, scene = error_rules(), scene_of_rules(scene)
+    return rules.get((scene, variant, quantity)) or rules.get((scene, ANY, quantity))
 
 
 ROUNDING = 1e-12
@@ -156,7 +173,7 @@ def estimated(
 ) -> Answer:
     """Return the answer for a scene, a dataclass with the field `estimates`, and those from a second solve.
 
-    The second mesh is coarser by COARSER. `found` tells whether an answer has something to estimate.
+    The second mesh is that of `fem.accuracy.longer_edges`. `found` tells whether an answer has something to estimate.
     """
     answer = solve(scene)
     coarse = solve_coarser(scene, solve) if found(answer) else None
@@ -164,12 +181,55 @@ def estimated(
 
 
 def solve_coarser(scene: Scene, solve: Callable[[Scene], Answer]) -> Answer | None:
-    """Return the answer for a scene on the mesh for error estimates; None where that has none."""
-    coarser = scene.coarser()
+    """Return the answer of an analysis for a scene on the mesh for its error estimates; None where that has none."""
     try:
-        return None if coarser is None else solve(coarser)
+        return solve(replace(scene, accuracy=longer_edges(scene.accuracy)))
     except BadInput:  # the press may stop earlier or become unstable on the coarser mesh
         return None
+
+
+NUMBERS = ("contact_radius", "energy", "strain", "crease", "dissipated", "slip_share")
+"""Numbers of a state beside its response. Where a scene has no rule for one of them, its error is unknown."""
+
+
+Numbers = dict[str, float | None]
+
+
+def numbers_of(state: Solution) -> Numbers:
+    """Return the NUMBERS of a state; None where there is none."""
+    facts, slips = state.facts, state.slip_share
+    return {
+        "contact_radius": state.response.contact_radius or None,
+        "energy": state.energy,
+        "strain": facts.largest_strain,
+        "crease": facts.crease_ratio,
+        "dissipated": None if slips is None else state.dissipated,
+        "slip_share": slips,
+    }
+
+
+def estimate_state(found: Solution, coarse: Solution, scene: Scene) -> Estimates:
+    """Return the estimated errors of a state of a scene, from the state on the coarser mesh."""
+    one, other = ((state.response, numbers_of(state)) for state in (found, coarse))
+    return estimate_numbers_of(one, other, found.load, scene, found.model)
+
+
+def estimate_numbers_of(
+    found: tuple[Response, Numbers], coarse: tuple[Response, Numbers], load: Load, scene: Scene, model: str
+) -> Estimates:
+    """Return the estimated errors of the response and the NUMBERS under one load, see `estimate_response`."""
+    estimates = estimate_response(found[0], coarse[0], load, scene, model)
+    case = load_case(load, scene)
+    usual_base = _base(case, found[0], load, scene)
+    growth, more = _growth_beyond_study(case, load, scene), dict[str, float | None]()
+    for name in NUMBERS:
+        value, other = found[1][name], coarse[1][name]
+        if name == "slip_share" and value is not None and other is not None:
+            value, other = 1.0, 1.0 + other - value  # a share, which may be 0, has an absolute error
+        base = (value or 0.0) / (found[1]["energy"] or 1.0) if name == "dissipated" else usual_base
+        rule = error_rule(case, scene.magnet, name) if base > 0 else None
+        more[name] = relative_error(rule, (value,), (other,), _edge(scene), base, rounding=0.0, growth=growth)
+    return replace(estimates, **more)
 
 
 def estimate_response(found: Response, coarse: Response, load: Load, scene: Scene, model: str) -> Estimates:
@@ -183,29 +243,41 @@ def estimate_response(found: Response, coarse: Response, load: Load, scene: Scen
         # an imperfect press may buckle to either side
         x, y, z = coarse.shift
         coarse = replace(coarse, shift=(-x, -y, z), tilt=-coarse.tilt, tilt_y=-coarse.tilt_y)
-    edge = accuracy.solid_size if scene.solid else accuracy.section_size
-    radius = max(found.contact_radius / scene.design.D, LEAST_RADIUS)
+    edge, usual_base = _edge(scene), _base(case, found, load, scene)
     growth = _growth_beyond_study(case, load, scene)
     # the coarser solve of a model with one harmonic has two: the whole difference is an error of the model
     certain = 1.0 if model == "harmonic" and accuracy.harmonics == 1 else CERTAIN_SHARE
 
     error = functools.partial(relative_error, edge=edge, growth=growth, certain=certain)
     of_force, of_shift, of_tilt = (error_rule(case, scene.magnet, name) for name in ("force", "shift", "tilt"))
-    tilt = error(of_tilt, (found.tilt, found.tilt_y), (coarse.tilt, coarse.tilt_y), base=radius)
+    tilt = error(of_tilt, (found.tilt, found.tilt_y), (coarse.tilt, coarse.tilt_y), base=usual_base)
     upright = not load.shears_tip and not load.plate_tilt and not load.imperfection
     sideways, along = None, _force_along_shear(found, load)
     if along:
         of_case = load.coulomb is None or case == "tilted friction"
         rule = error_rule(case if of_case else "friction", scene.magnet, "sideways")
         coarse_along, share = _force_along_shear(coarse, load), abs(along) / math.hypot(*found.force)
-        sideways = error(rule, (along,), (coarse_along,), base=share, rounding=0.0)
+        base = usual_base if case == "wall grip" else share
+        sideways = error(rule, (along,), (coarse_along,), base=base, rounding=0.0)
     return Estimates(
-        force=error(of_force, found.force, coarse.force, base=radius, rounding=0.0),
-        shift=error(of_shift, found.shift, coarse.shift, base=radius, rounding=0.0),
+        force=error(of_force, found.force, coarse.force, base=usual_base, rounding=0.0),
+        shift=error(of_shift, found.shift, coarse.shift, base=usual_base, rounding=0.0),
         # the tilt of tetrahedra under an upright press is mesh noise
         tilt=None if tilt is None or (upright and tilt > 1) else tilt,
         sideways=sideways,
     )
+
+
+def _edge(scene: Scene) -> float:
+    return scene.accuracy.solid_size if scene.solid else scene.accuracy.section_size
+
+
+def _base(case: str, response: Response, load: Load, scene: Scene) -> float:
+    """Return the base of a state's rules, over D: the free length below a wall grip, else the contact radius."""
+    D, L = scene.design.D, scene.design.L
+    if case == "wall grip":
+        return (L - (load.grip or 0.0)) / D
+    return max(response.contact_radius / D, LEAST_RADIUS)
 
 
 def relative_error(
@@ -238,7 +310,10 @@ def relative_error(
 def estimate_numbers(
     kind: str, numbers: Mapping[str, tuple[float | None, float | None]], scene: Scene, base: float
 ) -> Estimates:
-    """Return the estimated errors of a critical state or a small shear, `kind`, from the numbers on both meshes."""
+    """Return the estimated errors of a critical state or a small shear, `kind`, from the numbers on both meshes.
+
+    That of a number without a rule is None.
+    """
     edge, magnet = scene.accuracy.section_size, scene.magnet
     return Estimates(
         **{
@@ -291,7 +366,7 @@ def load_case(load: Load, scene: Scene) -> str:
     if not load.shears_tip:
         return "pressed"
     if load.grip is not None:
-        return "grip"
+        return "grip" if load.grip < scene.design.R else "wall grip"
     return "far" if load.shear > ON_LIMIT * STICK_SHEAR * scene.design.D else "stick"
 
 

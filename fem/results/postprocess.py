@@ -11,7 +11,7 @@ from fem.model.gradient_recovery import Recovery, build_recovery
 from fem.model.symmetry_models import Discretisation
 from fem.results.diagnostics import Margin, diagnose
 from fem.scene import Scene
-from fem.solution import Field, Solution
+from fem.solution import Field, RadiusSource, Solution
 from fem.solve.newton import Stop
 from fem.solve.path_state import PathState
 from geometry.arrays import Array
@@ -60,6 +60,7 @@ def read(
         ),
         dissipated=state.dissipated * d.symmetry * E * D**3,
         slip_share=None if friction is None else coulomb_friction.slip_share(friction, state.skin.weights),
+        radius_from=contact_size(state)[1],
     )
     return diagnose(solution, state, scene, stop, margin, touched=touched)
 
@@ -84,16 +85,24 @@ def read_response(state: PathState, scene: Scene) -> Response:
     if d.mirrored:
         shift[1] = tilt[1] = 0.0
     force, shift_xy, tilt_xy = turn @ total[:2] + 0.0, turn @ shift[:2] * D + 0.0, turn @ tilt + 0.0
-    tilted = d.revolved and state.tilt
-    upright = plate_contact.hertz_radius if tilted else plate_contact.contact_radius
-    radius = plate_contact.equal_area_radius if state.sheared else upright
     return Response(
         force=(float(force[0]), float(force[1]), float(total[2])),
         shift=(float(shift_xy[0]), float(shift_xy[1]), float(shift[2]) * D),
         tilt=float(tilt_xy[0]),
-        contact_radius=0.0 if state.grip else radius(state.skin, nodal.u, state.plate) * D,
+        contact_radius=(contact_size(state)[0] or 0.0) * D,
         tilt_y=float(tilt_xy[1]),
     )
+
+
+def contact_size(state: PathState) -> tuple[float | None, RadiusSource | None]:
+    """Return the contact radius over D and what it follows from, see `fem.solution.Solution`; None in a grip."""
+    if state.grip:
+        return None, None
+    at = state.skin, state.u, state.plate
+    if state.sheared:
+        return plate_contact.equal_area_radius(*at), "area"
+    from_gap = None if state.d.revolved and state.tilt else plate_contact.gap_radius(*at)
+    return (plate_contact.hertz_radius(*at), "pressure") if from_gap is None else (from_gap, "gap")
 
 
 def tip_force(state: PathState) -> Array:

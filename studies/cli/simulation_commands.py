@@ -50,6 +50,7 @@ def solve(
         title, rows = within_tolerance.run(
             design, loads, method, targets, out=call.out, picture=picture, progress=progress
         )
+        rows = rows if call.as_json else load_cases.in_words(rows)
         with contextlib.closing(rows):
             records = console.stream(
                 rows,

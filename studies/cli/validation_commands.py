@@ -22,7 +22,7 @@ MODULES = {
     "firmware": "firmware_check",
 }
 """Modules of studies that have other names."""
-INPUTS = ("store", "study", "trained")
+INPUTS = ("store", "study", "states", "trained")
 """Options whose files no output may replace."""
 
 

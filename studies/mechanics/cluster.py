@@ -23,7 +23,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError, Future
 from typing import Any
 
-from fem.physics_version import PHYSICS
+from fem.physics_version import ESTIMATES, PHYSICS
 from geometry.design import BadInput
 from studies.mechanics.worker_process import Answer, Executor, SchedulerLost, WorkerProcesses, WorkersLost
 from studies.output import provenance
@@ -37,7 +37,7 @@ ABSENCE = 60.0
 ATTEMPTS = 2
 """Times that a task is handed to the scheduler, which gives it up when four Dask workers were lost (its default)."""
 Models = tuple[str | None, dict[Any, int]]
-"""Version of magtip, and physics version of each model."""
+"""Version of magtip, and those of the physics of each model and of the error estimates."""
 _processes = WorkerProcesses(threads=1)
 """Worker processes of this Dask worker, shared by all runs, so that an interrupted run leaves none behind."""
 
@@ -45,7 +45,7 @@ _processes = WorkerProcesses(threads=1)
 @functools.cache
 def installed_models() -> Models:
     """Return the version of magtip in this process and those of its models."""
-    return provenance.installed(provenance.OWN), dict(PHYSICS)
+    return provenance.installed(provenance.OWN), {**PHYSICS, "estimates": ESTIMATES}
 
 
 def do_job(job: bytes, run: str, models: Models) -> bytes:
@@ -140,7 +140,11 @@ def _check_workers(client: Any, address: str) -> None:
 
 def _mismatch(worker: str, theirs: Models, ours: Models) -> str:
     same = theirs[0] == ours[0]
-    other = f"magtip {theirs[0]} with other physics versions" if same else f"magtip {theirs[0]}, not {ours[0]}"
+    other = (
+        f"magtip {theirs[0]} with other versions of physics or estimates"
+        if same
+        else f"magtip {theirs[0]}, not {ours[0]}"
+    )
     return f"{worker} has {other}: install the version of this machine on all workers"
 
 

@@ -31,7 +31,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal
 
-from fem.physics_version import PHYSICS
+from fem.physics_version import ESTIMATES, PHYSICS
 from fem.scene import Scene
 from geometry.bad_input import SolveFailed
 from geometry.design import Design
@@ -72,13 +72,14 @@ class Place:
 
     @property
     def content(self) -> dict[str, Any]:
-        """Everything on which the states of the path depend except their position, with the physics version."""
+        """Everything on which the states of the path depend except their position, with the versions of the physics
+        and of the estimates."""
         scene, kind = self.scene, self.kind
         if kind == "response":
             return timed_quantities.response_content(scene)
         if kind == "cycle":
             return timed_quantities.cycle_content(scene, self.motion)
-        values = scene.dimensionless()
+        values = scene.dimensionless() | {"estimates": ESTIMATES}
         loads, load = values.pop("loads"), scene.loads[0]
         first = loads[0]
         if kind == "critical depth":
@@ -148,7 +149,7 @@ class Answer:
     response : None if the solve did not reach the state; `status` and `message` give the reason.
     error_estimate : estimated relative error of the force; NaN if there is no estimate.
     seconds : time of the solve from the previous state, s.
-    estimates : estimated relative errors of shift, tilt and the force along the shear (`fem.solution.Estimates`).
+    estimates : estimated relative errors by the names of `fem.solution.Estimates`, those of ESTIMATED.
     values : of a state its largest strain and its sideways stiffness ratio with its half width
         (`fem.solution.Facts`); of other kinds their results: lengths over D, forces over E D^2, frequencies over
         `frequency_unit`.
@@ -274,6 +275,10 @@ def _smaller_steps(load: Load, solved: Sequence[Position], D: float) -> list[Loa
     return [_at(load, at, D) for at in positions]
 
 
+ESTIMATED = ("force", "shift", "tilt", "sideways", "contact_radius", "strain")
+"""Quantities of a state whose estimated errors are stored."""
+
+
 @functools.cache
 def _origin() -> str:
     """Return versions and commit, which take longer to find than some presses to solve, once per process."""
@@ -286,7 +291,7 @@ def _state(scene: Scene, load: Load, solution: Solution) -> State:
         "response": dataclasses.asdict(solution.response),
         "error_estimate": estimates.force,
         "message": solution.message,
-        "estimates": {name: getattr(estimates, name) for name in ("force", "shift", "tilt", "sideways")},
+        "estimates": {name: getattr(estimates, name) for name in ESTIMATED},
         "values": {name: getattr(facts, name) for name in ("largest_strain", "sideways_stiffness_ratio")},
     }
     return _stored(scene, load, "ok", solution.status, answer, solution.seconds)

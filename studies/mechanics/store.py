@@ -1,9 +1,10 @@
 """Solved states of all studies in one SQLite file, so that no case is solved twice.
 
 A *path* stands for all states that differ only in the position of plate or grip. Its content is everything else on
-which the finite elements depend, in dimensionless form (lengths over D, stresses over E), and the physics version of
-the model. Its key is a digest of this content as canonical JSON, with numbers written by `float.hex`. A *state*
-belongs to a path, has a position (depth, shear), both over D and rounded to `DIGITS`, and holds its answer as JSON.
+which the finite elements depend, in dimensionless form (lengths over D, stresses over E), and the versions of the
+model's physics and of the error estimates. Its key is a digest of this content as canonical JSON, with numbers
+written by `float.hex`. A *state* belongs to a path, has a position (depth, shear), both over D and rounded to
+`DIGITS`, and holds its answer as JSON.
 The digest of a state belongs to its path and to all that its row holds: what was changed in the file is noticed where
 it is read.
 

@@ -79,7 +79,7 @@ def accuracy_name(values: str | None) -> str | None:
     """Return the name of the accuracy level with these values (JSON), or other."""
     if values is None:
         return None
-    wanted = json.loads(values)
+    wanted = {"coarseness": 1.0} | json.loads(values)
     return next((name for name, level in LEVELS.items() if asdict(level) == wanted | {"name": name}), "other")
 
 
@@ -173,11 +173,18 @@ def _utc(option: str, text: str) -> str:
 
 
 def current_physics(sign: Literal["<", "=", ">"]) -> str:
-    """Return a condition on `path`: its physics version against the program's, which is 0 for an unknown model."""
+    """Return a condition on `path`: its physics version against the program's, which is 0 for an unknown model.
+
+    The version of the estimates counts too, which vibrations and cycles do not have, and older paths lack.
+    """
     # a quantity with a version of its own comes before the model that computes it
     names = [(FIELDS[column].sql, name) for column in ("quantity", "model") for name in physics_version.PHYSICS]
     cases = [f"WHEN {sql} = '{name}' THEN {physics_version.PHYSICS[name]}" for sql, name in names]
-    return f"{FIELDS['physics'].sql} {sign} CASE {' '.join(cases)} ELSE 0 END"
+    physics = f"{FIELDS['physics'].sql} {sign} CASE {' '.join(cases)} ELSE 0 END"
+    today = physics_version.ESTIMATES
+    without = f"iif({FIELDS['quantity'].sql} IN ('response', 'cycle'), {today}, 1)"
+    estimates = f"ifnull(json_extract(path.content, '$.estimates'), {without}) {sign} {today}"
+    return f"({physics} {'AND' if sign == '=' else 'OR'} {estimates})"
 
 
 # What lists show

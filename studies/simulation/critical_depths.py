@@ -130,6 +130,8 @@ def _small_shear(depth: float, shear: SmallShear | None) -> FlatRow:
         "stiffness_N_per_mm": shear and shear.stiffness,
         "shift_per_mm": shear and shear.shift,
         "tilt_rad_per_mm": shear and shear.tilt,
+        "force_error_estimate": shear and shear.estimates.force,
+        "contact_radius_error_estimate": shear and shear.estimates.contact_radius,
         "stiffness_error_estimate": shear and shear.estimates.stiffness,
         "shift_error_estimate": shear and shear.estimates.shift,
         "tilt_error_estimate": shear and shear.estimates.tilt,

@@ -10,6 +10,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
+import numpy as np
+
 from geometry import design_digest
 from geometry.bad_input import SolveFailed
 from geometry.design import BadInput, Design
@@ -35,7 +37,10 @@ MOVED = ("depth_mm", "shear_mm", "shear_y_mm")
 """Columns that distinguish the states of a path."""
 FIRST = ("status", *MOVED, "force_N", "shift_mm")
 """Columns that a table of states shows even in a narrow terminal."""
-UNSHOWN = (*(name for name in state_rows.FACTS if name != "largest_strain_percent"), "made_for")
+UNSHOWN = (
+    *(name for name in state_rows.FACTS if name != "largest_strain_percent"),
+    *("crease_ratio_error_estimate", "made_for"),
+)
 """Columns that only JSON and wide tables show."""
 
 
@@ -323,9 +328,27 @@ def with_targets(rows: Generator[FlatRow], targets: Sequence[ForceTarget]) -> Ge
             }
 
 
+def in_words(rows: Generator[FlatRow]) -> Generator[FlatRow]:
+    """Yield the rows with the word unknown for the error of a number that has no estimate; closing closes `rows`."""
+    with contextlib.closing(rows):
+        for row in rows:
+            yield row | {column: "unknown" for column in state_rows.NUMBERS if _unsure(row, column)}
+
+
+def _unsure(row: FlatRow, column: str) -> bool:
+    """Return whether the error of a number is unknown; one that is zero by symmetry has none."""
+    number = row.get(state_rows.NUMBERS[column])
+    exists = number is not None if column.startswith("slip_share") else any(np.ravel(number or 0.0))
+    return exists and row.get(column) is None
+
+
 def unshown(targets: Sequence[ForceTarget]) -> tuple[str, ...]:
     """Return the columns without values, which a table does not show."""
-    return () if any(target.shear_force for target in targets) else ("target_shear_force_N",)
+    sheared = any(target.shear_force for target in targets)
+    return (
+        *["depth_error_estimate"] * (not targets),
+        *["shear_error_estimate", "target_shear_force_N"] * (not sheared),
+    )
 
 
 def change_of_force(record: FlatRow) -> str:

@@ -41,7 +41,29 @@ FACTS = (
 the interval of the depth, or of the shear, whichever grew, in which the path became unstable."""
 
 ERRORS = {"error_estimate": "force"} | {f"{name}_error_estimate": name for name in ("shift", "tilt", "sideways")}
-"""Columns of error estimates, and the quantities that they are of."""
+"""Columns of error estimates of force and pose, and the quantities that they are of."""
+MORE_ERRORS = {
+    "contact_radius_error_estimate": "contact_radius",
+    "dissipated_error_estimate": "dissipated",
+    "slip_share_error_estimate": "slip_share",
+    "crease_ratio_error_estimate": "crease",
+    "largest_strain_error_estimate": "strain",
+    "depth_error_estimate": "depth",
+    "shear_error_estimate": "shear",
+}
+"""Columns of those of other numbers, which only finite elements have: relative, but for the share that slips, whose
+error is absolute. Those of depth and shear are of motions that wanted forces have led to."""
+NUMBERS = {
+    "error_estimate": "force_N",
+    "shift_error_estimate": "shift_mm",
+    "tilt_error_estimate": "rotation_rad",
+    "contact_radius_error_estimate": "contact_radius_mm",
+    "dissipated_error_estimate": "dissipated_mJ",
+    "slip_share_error_estimate": "slip_share",
+    "crease_ratio_error_estimate": "crease_ratio",
+    "largest_strain_error_estimate": "largest_strain_percent",
+}
+"""Columns of error estimates, and those of the numbers that they are of."""
 
 
 def state_row(load: Load, response: Response | None, model: str, made_for: Fields, **known: Any) -> FlatRow:
@@ -58,7 +80,9 @@ def state_row(load: Load, response: Response | None, model: str, made_for: Field
         **_response_columns(response),
         "slip_share": None,
         "dissipated_mJ": None,
+        "contact_radius_from": None,
         **dict.fromkeys(ERRORS),
+        **dict.fromkeys(MORE_ERRORS),
         "dofs": 0,
         "newton_iterations": 0,
         "seconds": 0.0,
@@ -80,7 +104,8 @@ def solved_row(state: Solution, made_for: Fields) -> FlatRow:
         message=state.message,
         slip_share=state.slip_share,
         dissipated_mJ=state.dissipated,
-        **{column: getattr(state.estimates, name) for column, name in ERRORS.items()},
+        contact_radius_from=state.radius_from,
+        **{column: getattr(state.estimates, name) for column, name in (ERRORS | MORE_ERRORS).items()},
         dofs=state.dofs,
         newton_iterations=state.newton_iterations,
         seconds=state.seconds,

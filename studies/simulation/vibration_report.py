@@ -246,6 +246,8 @@ def report_motion(sensor: VibratingSensor, at: At, curves: Curves, load: Load, c
         **numbers,
         **_least("kept_amplitude", curves.kept_amplitude, curves.frequency),
         **_least("lift_amplitude", lift, curves.frequency),
+        # they depend on the pressures of single points, for whose errors there is no evidence
+        **dict.fromkeys(("kept_amplitude_error_estimate", "lift_amplitude_error_estimate")),
         **{key: value for name, each in errors.items() for key, value in _median_and_largest(name, each).items()},
         "factorisations": sensor.factorisations,
         "reduced_error": sensor.error,

@@ -24,7 +24,7 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy import linalg, stats
 
-from fem.accuracy import QUICK, STANDARD, Accuracy, coarser
+from fem.accuracy import QUICK, STANDARD, Accuracy, longer_edges
 from geometry.arrays import Array
 from geometry.bad_input import BadInput
 from geometry.messages import Progress
@@ -138,7 +138,7 @@ def training_states(fem: FiniteElements, beams: Beams) -> TrainingSet:
 
 def coarser_of(fem: FiniteElements) -> FiniteElements:
     """Return the finite elements from which errors are estimated."""
-    return fem._replace(accuracy=coarser(fem.accuracy))
+    return fem._replace(accuracy=longer_edges(fem.accuracy))
 
 
 def unseen(fem: FiniteElements, count: int, critical: int, seed: int) -> Unseen:

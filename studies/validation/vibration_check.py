@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from fem.accuracy import FINE, LEVELS, QUICK, Accuracy, coarser
+from fem.accuracy import FINE, LEVELS, QUICK, Accuracy, longer_edges
 from fem.analyses.vibration import vibrating_sensor, vibration_model
 from fem.results.error_estimates import VibrationQuantity
 from fem.scene import Scene, press_limits
@@ -82,11 +82,11 @@ def run(progress: Progress, *, quick: bool = False) -> Result:
         fine = case.number in FINE_DESIGNS and not case.load.shears_tip
         levels = [QUICK] if quick else [level for name, level in LEVELS.items() if fine or name != "fine"]
         solved = {}
-        for accuracy in dict.fromkeys([truth, *(one for level in levels for one in (level, coarser(level)))]):
+        for accuracy in dict.fromkeys([truth, *(one for level in levels for one in (level, longer_edges(level)))]):
             progress(i / len(chosen), f"design {case.number}, {case.kind}, size {accuracy.section_size:g}")
             solved[accuracy] = solve(case, accuracy)
         for level in levels:
-            judged += judge(case, level, *(solved[one] for one in (level, coarser(level), truth)))
+            judged += judge(case, level, *(solved[one] for one in (level, longer_edges(level), truth)))
     return result(judged, "quick" if quick else "full")
 
 

@@ -173,7 +173,7 @@ def half_widths(solution: Solution) -> Data:
         "force": None if force is None or sideways is None else [sideways * plane[0], sideways * plane[1], force],
         "shift": None if shift is None else [shift * plane[0], shift * plane[1], shift],
         "tilt": tilt,
-        "contact_radius": None,
+        "contact_radius": _times(estimates.contact_radius, response.contact_radius),
     }
 
 
@@ -376,8 +376,7 @@ def _response_table(data: Data) -> Data:
         if quantity.startswith("tilt") and beside["paper"] is None and formulas["paper"]["force"]:
             beside["paper"] = "no formula"
         half = widths["tilt" if quantity == "tilt_y" else quantity]
-        pending = None if quantity == "contact_radius" else PENDING
-        return number(name, unit, at(response[quantity]), at(half) if is_known else pending, beside)
+        return number(name, unit, at(response[quantity]), at(half) if is_known else PENDING, beside)
 
     rows = [row(name, "N", "force", k) for k, name in zip((2, 0, 1), (AXES[2], *AXES[:2]), strict=True)]
     rows += [row(f"shift along {axis}", "mm", "shift", k) for k, axis in enumerate("xyz")]
