@@ -159,6 +159,13 @@ def test_similar_forces_give_similar_poses():
     assert b["first_mode"] == pytest.approx(np.sqrt(2) * a["first_mode"])
 
 
+def test_a_load_is_met_although_a_small_shear_raises_the_force_of_its_press():
+    needed = Requirements(force_z=6.0, force_x=2.0, largest_strain=1.0, outer_size=25.0, outer_shape="square")
+    one = made(13.3, 11.0, "10x3 N42", "Mold Star 30", places=(9.8, 1.1, -1.4))
+    sparse, dense = (reached(one, needed, dense=dense).values["range_z"][0] for dense in (False, True))
+    assert sparse == pytest.approx(dense, rel=0.01)
+
+
 def test_no_response_is_extrapolated():
     """Beyond the last depth and the last shear there is no state, and a force without one is not reached."""
     one = made()

@@ -56,6 +56,8 @@ MOST, LEAST = 1.0, -1e3
 """Bounds of a margin: more than twice a bound is no better, and NaN, where the source has no answer, is the worst."""
 DEEPER = 1.04
 """Depths and shears to which finite elements are asked, over those of the surrogate; the least depth is divided."""
+LEAST_ASKED = 0.02
+"""Shallowest press over D under which finite elements are asked for shears: where the surrogate ends, they do not."""
 NEODYMIUM_DRIFT = (-1.2e-3, -0.9e-3)
 """Least and largest change of the remanence of NdFeB per K, relative: usual in tables of grades, assumed of all."""
 SPRING_GAP, PRESS_GAP = 8 / np.pi**2 * 0.915965594177219, 1.15
@@ -243,8 +245,10 @@ class _Rated:
         field, slopes = self._readings(states)
         found = {"strain": (self._at(states, "strain"), 1), "saturation": (self._saturation(field), -1)}
         found |= self._resolutions(states, slopes, field)
+        known = {}
         for name, (table, way) in found.items():
             values[name] = self._over_corners(table, way)
+            known[name] = self._over_corners(np.where(np.isnan(table), -way * np.inf, table), way)
             at = np.argmax(way * np.where(np.isnan(table), -np.inf * way, table), axis=1)
             result.worst[name][rows] = np.where(np.isnan(values[name]), -1, at)
         if self.needed.unique_decoding:
@@ -261,10 +265,12 @@ class _Rated:
         if self.brief:
             met = margins({name: value[rows] for name, value in result.values.items()}, self.needed)
             wanted = np.min(list(met.values()), axis=0) >= 0
-        factor, deep = self._range(corners[0], values["strain"], values["saturation"], wanted)
-        result.values["range_z"][rows] = factor * self.share[:, 0] * self.needed.force_z
+        # how far finite elements are asked does not end where one load has no answer, a range does
+        factor, deep = self._range(corners[0], known["strain"], known["saturation"], wanted)
+        reached = np.where(np.isnan(values["strain"]), np.nan, factor)
+        result.values["range_z"][rows] = reached * self.share[:, 0] * self.needed.force_z
         if sheared:
-            result.values["range_x"][rows] = factor * self.share[:, 1] * (self.needed.force_x or 0.0)
+            result.values["range_x"][rows] = reached * self.share[:, 1] * (self.needed.force_x or 0.0)
         if not self.brief:
             result.ask[rows] = self._ask(corners, states, factor, deep, sheared)
 
@@ -301,7 +307,8 @@ class _Rated:
         first = int(np.flatnonzero(self.loads[:, 1] > 0)[0]) if sheared else 0
         z, _ = self._forces(1.0)
         light = stiff.depth_of_force(z[:, [first]] / self.units[:, 1:])[:, 0]
-        low = np.fmax(light, surrogate_range.SHALLOWEST_SHEAR)
+        # a small shear raises the force of a press a little, so that the same force is met by a shallower one
+        low = np.fmax(light / DEEPER, surrogate_range.SHALLOWEST_SHEAR)
         # the surrogate knows shears no deeper than presses are surely stable
         high = np.fmin(self.known, np.nan_to_num(beams.stable_to(1.0), nan=0.0))
         high = np.maximum(high, 1.02 * surrogate_range.SHALLOWEST_SHEAR)
@@ -478,13 +485,14 @@ class _Rated:
     ) -> tuple[Array, Array]:
         """Return the largest factor on all loads that keeps the bounds, and the depth there.
 
-        It is 0 if 1 does not keep them, NaN if that is unknown, and 1 at most where it is not `wanted`.
+        It is 0 if 1 does not keep them, and 1 at most where it is not `wanted`. The largest strain and the least
+        saturation are those of the loads that have an answer, under all loads of a factor of 1.
         """
         needed = self.needed
         stable = np.minimum(self.known, self.stable / needed.stability_margin)
         top = self.top_force(soft, stable)
         most = np.minimum(top / (self.share[:, 0] * needed.force_z), needed.range_cap or np.inf)
-        factor = np.where(np.isnan(strain), np.nan, 0.0)
+        factor = np.zeros(len(strain))
         good = (strain <= (needed.largest_strain or np.inf)) & ~(needed.no_saturation & (saturation < 0))
         factor[good & ~wanted] = 1.0
         rows = np.flatnonzero(good & wanted & (most >= 1))
@@ -543,6 +551,10 @@ class _Rated:
         press = np.fmin(DEEPER * end, deepest)
         aside = self.loads[:, 1] > 0 if sheared else np.ones(len(self.loads), dtype=np.bool_)
         low = np.fmax(states[1].depth[:, aside].min(axis=1) / DEEPER, surrogate_range.SHALLOWEST_SHEAR)
+        if sheared:
+            z, _ = self._forces(1.0)
+            light = corners[1].depth_of_force(z[:, aside][:, :1] / self.units[:, 1:])[:, 0]
+            low = np.fmax(np.fmin(states[1].depth[:, aside].min(axis=1), light) / DEEPER, LEAST_ASKED)
         high = np.maximum(press, 1.02 * low)
         if not sheared:
             return np.column_stack([press, low, high, np.full((len(low), SOLVED_DEPTHS), NO_SHEAR)])
