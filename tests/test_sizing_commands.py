@@ -119,7 +119,10 @@ def test_a_contradiction_shows_the_nearest_candidate_and_an_advice(contradiction
     record = json.loads(out)
     assert record["status"] == "failed"
     assert f"none of {record['search']['candidates']} candidates meets all requirements" in err
-    assert "largest_strain is missed by" in record["nearest"]["reason"]
+    reason = record["nearest"]["reason"]
+    assert "largest_strain is missed by" in reason
+    assert "the range is 0 N, because largest_strain is missed under the required loads" in reason
+    assert reason in (folder / "SIZING.md").read_text("utf-8")
     (row,) = [row for row in record["conflict"] if row["gives"]]
     assert (row["requirement"], row["unit"]) == ("largest_strain", "1")
     assert f"largest_strain rises to {100 * row['to']:.4g} %" in err

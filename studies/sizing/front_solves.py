@@ -162,6 +162,8 @@ NAMED = {
     "saturation": ("distance from the rail", 100.0, "%"),
 }
 """Figures whose worst loads are named: words, factor and unit."""
+ENDS_OF_RANGE = ("largest_strain", "stability_margin", "no_saturation")
+"""Requirements that end the range."""
 CORRECTED = 3
 """Solves of a worst load, each with depth and shear corrected by the forces of the one before."""
 
@@ -175,7 +177,8 @@ class FrontPoint:
     predicted, solved : what it reaches by the surrogate and by finite elements, names as in `Performance`.
     margins : of the requirements, by finite elements.
     worst : rows of the worst loads, see `_worst`.
-    status, reason : "ok", or "failed" if a solve failed or a requirement is missed: which, and by how much.
+    status, reason : "ok", or "failed" if a solve failed or a requirement is missed: which, by how much, and which of
+        them ends the range at once.
     rank, score : 1 for the best, equal for equal scores, and 0 to 1; 0 and NaN for a point that failed.
     """
 
@@ -283,6 +286,12 @@ def _judged(point: FrontPoint) -> FrontPoint:
         f"{n} is not known" if v == LEAST else f"{n} is missed by {-100 * v:.{'2g' if v > -0.99 else '0f'}} %"
         for n, v in missed.items()
     ]
+    if point.solved["range_z"] == 0:
+        ended = [name for name in ENDS_OF_RANGE if name in missed]
+        named = f"{' and '.join(ended)} {'is' if len(ended) == 1 else 'are'} missed"
+        why = named if ended else "no press is known to be stable as deep as theirs"
+        alone = "the margin of force_z is that of the force alone"
+        reasons.append(f"the range is 0 N, because {why} under the required loads: {alone}")
     reason = "; ".join(filter(None, [point.reason, *reasons]))
     return replace(point, status="failed" if reason else "ok", reason=reason)
 
