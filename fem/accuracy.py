@@ -1,4 +1,10 @@
-"""Accuracy levels of the finite elements; `magtip validate accuracy` compares them with much finer meshes."""
+"""Accuracy levels of the finite elements; `magtip validate accuracy` compares them with much finer meshes.
+
+Quick is for looking around and for the live page, standard for answers (the surrogate is of its meshes), fine for
+checking an answer of standard. They are no sequence: their lengths have no fixed ratio and their meshes do not nest.
+In a press of the paper's sensor by 1 mm the forces of the three scatter within 0.15 %, and fine is not always nearer
+to the limit than standard. Evidence of convergence is `magtip converge`, whose lengths have one ratio.
+"""
 
 from __future__ import annotations
 

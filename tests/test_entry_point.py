@@ -193,7 +193,7 @@ def test_what_is_set_in_vain_is_said(run):
 
 ORDER = """
     Design: design cad mesh cache catalogue size
-    Simulation: solve analytic compare stability modes response cycle fit demo
+    Simulation: solve converge analytic compare stability modes response cycle fit demo
     Sensing: field readings calibrate decode stream firmware table layout
     Exploration: explore sweep sensitivity report store
     Validation: validate

@@ -11,6 +11,7 @@ from fem.model.plate_contact import SECTION_KAPPA
 from geometry.bad_input import SolveFailed
 from studies.cli import entry_point
 from studies.output.result import FAILED, GOOD
+from studies.simulation import mesh_convergence
 from studies.validation import manufactured_solutions, motion_problems, pages, static_problems, verify
 
 QUICK = {target["name"]: target for target in verify.targets(quick=True)}
@@ -133,10 +134,10 @@ def test_manufactured_displacements_keep_volumes(case):
 
 def test_richardson_recovers_a_power_law_and_gives_up_where_the_meshes_tell_nothing():
     for order in (0.5, 1.3, 3.0):
-        found = verify.richardson((8, 12, 20), [2 - 5 * n**-order for n in (8, 12, 20)])
+        found = mesh_convergence.richardson((8, 12, 20), [2 - 5 * n**-order for n in (8, 12, 20)])
         assert found == pytest.approx((2, order), rel=1e-8)
     for values in ((1.0, 1.0, 1.0), (1.0, 2.0, 1.0), (1.0, 2.0, 4.0), (1.0, 2.0)):
-        assert all(math.isnan(value) for value in verify.richardson((1, 2, 4)[: len(values)], values))
+        assert all(math.isnan(value) for value in mesh_convergence.richardson((1, 2, 4)[: len(values)], values))
 
 
 def pose(monkeypatch, problems, meshes):

@@ -54,7 +54,7 @@ app = App(
 VERBS = {
     "Design": {"design_commands": "design cad mesh cache catalogue size"},
     "Simulation": {
-        "simulation_commands": "solve analytic compare stability modes response cycle fit",
+        "simulation_commands": "solve converge analytic compare stability modes response cycle fit",
         "exploration_commands": "demo",
     },
     "Sensing": {"sensing_commands": "field readings calibrate decode stream firmware table layout"},

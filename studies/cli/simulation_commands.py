@@ -70,6 +70,36 @@ def solve(
     return show(result, call.screen)
 
 
+@verb("source sets wide as_json", out="Folder for CONVERGE.md, tables and the picture.", at=4)
+def converge(
+    call: Call,
+    *,
+    motion: option_groups.Motion = option_groups.Motion(),
+    magnet: Annotated[Magnet, MAGNET] = "rigid",
+    levels: Whole = 5,
+    ratio: float = 1.5,
+) -> int:
+    """Show how the answer to a load converges with the mesh: order, limit and its bar, and where the levels lie.
+
+    The load is that of solve by depths. Where the three finest meshes do not converge monotonically, the limit is
+    unknown.
+
+    Parameters
+    ----------
+    levels
+        Number of meshes, from the edge lengths of level quick on, 4 to 8.
+    ratio
+        Ratio of the edge lengths of a mesh to those of the next one.
+    """
+    from studies.simulation import load_cases, mesh_convergence
+
+    if load_cases.targets_of(motion):
+        raise BadInput("converge solves for a depth, the same on all meshes: give --depth in place of a force")
+    design, loads = call.design(magnet), load_cases.loads_of(motion)
+    study = partial(mesh_convergence.run, design, loads, magnet, levels, ratio)
+    return publish(study, call.here(mesh_convergence.FILES))
+
+
 @verb("source sets as_json")
 def analytic(
     call: Call,

@@ -44,10 +44,10 @@ from studies.output.provenance import made, versions
 from studies.output.result import Result, Table
 from studies.output.text_tables import cell as figure
 from studies.simulation.compare import part
+from studies.simulation.mesh_convergence import richardson
 from studies.validation import bench, pages
 from studies.validation.error_study_cases import Trial, answers_of, designs, loads_of
 from studies.validation.pages import Row
-from studies.validation.verify import richardson
 from studies.web import verdict_figures
 
 FILES = ("trade.csv", "trade.png", "TRADE.md", "model_choice.json", "confirm.csv")

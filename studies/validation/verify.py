@@ -7,12 +7,12 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from scipy.optimize import brentq
 
 from geometry.bad_input import SolveFailed
 from geometry.messages import Progress
 from studies.output.result import Result
 from studies.output.text_tables import cell
+from studies.simulation.mesh_convergence import richardson
 from studies.validation import manufactured_solutions, motion_problems, pages, static_problems
 from studies.validation.pages import Row
 
@@ -101,27 +101,3 @@ def evaluate(target: Row, done: float = 0.0, progress: Progress = lambda share, 
         row |= {"tolerance_percent": 100 * tolerance / published, "judged": way}
         rows.append(row | {"passed": abs(checked - published) <= tolerance} | words)
     return rows
-
-
-def richardson(meshes: Sequence[float], values: Sequence[float]) -> tuple[float, float]:
-    """Return limit f and order p of f + C / n^p through the three finest meshes; NaN if no p in (0.2, 8) fits.
-
-    >>> f, p = richardson((2, 4, 6), [1 + n**-1.5 for n in (2, 4, 6)])
-    >>> round(f, 10), round(p, 10)
-    (1.0, 1.5)
-    >>> richardson((1, 2, 4), (1.0, 2.0, 1.5))
-    (nan, nan)
-    """
-    if len(values) < 3:
-        return NAN, NAN
-    (a, b, c), (f, g, h) = (float(n) for n in meshes[-3:]), values[-3:]
-    if f == g or (h - g) / (g - f) <= 0:
-        return NAN, NAN
-
-    def excess(p: float) -> float:
-        return float((b**-p - c**-p) / (a**-p - b**-p)) - (h - g) / (g - f)
-
-    if excess(0.2) * excess(8.0) > 0:
-        return NAN, NAN
-    p = float(brentq(excess, 0.2, 8.0, xtol=1e-13))
-    return float(h + (h - g) * c**-p / (b**-p - c**-p)), p

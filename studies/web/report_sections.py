@@ -18,7 +18,7 @@ from studies.mechanics.study_cases import load_of, varied
 from studies.output import deformed_body, provenance
 from studies.output.figures import Figure
 from studies.sensitivity import uncertainty_figures
-from studies.simulation import comparison_figures, critical_depths, time_figures
+from studies.simulation import comparison_figures, critical_depths, mesh_convergence, time_figures
 from studies.sizing import sizing_figures
 from studies.sweeps import sweep_figures
 from studies.web import folder_contents, paper_figures, state_pictures, verdict_figures
@@ -59,6 +59,7 @@ KNOWN = (
     Known("accuracy.csv", ("force_error", "force_estimate", "level"), verdict_figures.accuracy, ("errors.png",)),
     Known("friction.csv", ("check", "off", "bound", "passed"), verdict_figures.friction),
     Known("crosscheck.csv", ("force_difference_percent", "agree"), verdict_figures.crosscheck),
+    Known("converge.csv", ("mesh", "section_size_over_D"), mesh_convergence.figures, ("converge.png",)),
     Known("stability.csv", ("L_over_D", "critical_depth_mm"), critical_depths.figures, ("stability.png",)),
     Known("field.csv", ("region", "height_per_radius", "compiled"), verdict_figures.field),
     Known("ladder.csv", ("level", "outside", "press_force_error", "status"), verdict_figures.ladder, ("ladder.png",)),
