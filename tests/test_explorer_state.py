@@ -166,7 +166,7 @@ def test_reasons_name_the_axes_that_vary_in_the_whole_table(run):
 def test_unstable_cases_are_counted_beside_the_table(run):
     long = ("--set", "L=24", "--set", "l0=20", "--magnet", "ignored", "--accuracy", "quick")
     status, _, err = run("sweep", "paper", *long, "--axis", "depth=0.5,2", "--json")
-    assert status == 0
+    assert status == 3
     assert "magtip: 1 of 2 cases are unstable" in err
 
 

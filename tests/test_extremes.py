@@ -160,7 +160,7 @@ def test_the_command_prints_and_writes_a_row_per_scene_and_one_that_is_not_judge
     assert "1 of 3 cases fail: off" in err
     report = (tmp_path / "EXTREMES.md").read_text("utf-8")
     assert "1 of 3 cases pass, 1 fail, 1 is not judged" in report
-    assert "| **not judged** |" in report
+    assert "| not judged |" in report
     verdicts = [line.split(",")[1] for line in (tmp_path / "extremes.csv").read_text("utf-8").splitlines()]
     assert verdicts == ["verdict", "pass", "not judged", "fail"]
 

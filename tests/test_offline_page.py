@@ -153,7 +153,7 @@ def test_a_sensor_without_a_magnet_and_of_another_law_has_a_page(tmp_path):
     design = Design(magnet_diameter=0.0, magnet_height=0.0, law="yeoh", yeoh_2=0.1)
     assert offline_page.magnet_of(design) == "ignored"
     text = written(design, tmp_path, offline_page.Stops([0.0, 0.2], [0.0, 0.1], [0.0])).read_text("utf-8")
-    assert "the paper&#x27;s sensor with" in text
+    assert "the paper&#39;s sensor with" in text
 
 
 def test_the_file_of_a_page_ends_in_html(refusal):

@@ -7,6 +7,7 @@ solid by at most 1e-3.
 from __future__ import annotations
 
 import copy
+import errno
 import math
 import tempfile
 import zipfile
@@ -97,7 +98,7 @@ def triangulated(solid: Solid, tolerance: float = TOLERANCE, angle: float = ANGL
         writer = StlAPI_Writer()
         writer.ASCIIMode = False
         if not writer.Write(solid.wrapped, file.name):
-            raise OSError(None, "the CAD kernel could not write triangles", file.name)
+            raise OSError(errno.EIO, "the CAD kernel could not write triangles", file.name)
         mesh = trimesh.load_mesh(file, file_type="stl")
     # at the pole of a sphere two corners of a triangle coincide: such triangles would leave the mesh open
     mesh.update_faces((np.diff(np.sort(mesh.faces)) > 0).all(axis=1))

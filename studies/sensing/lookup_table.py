@@ -197,11 +197,11 @@ def read(file: Path, design: Design) -> tuple[Array, dict[str, Any]]:
     try:
         about = json_object(file.with_suffix(".json"))
         table = np.load(file, mmap_mode="r")
-    except (OSError, ValueError, EOFError):
-        about = {}
-    tau = about.get("tau")
-    known = isinstance(tau, list) and all(isinstance(t, (int, float)) and math.isfinite(t) for t in tau)
-    if not known or about.get("shape") != list(table.shape):
+        tilts = np.array(about.get("tau"), dtype=np.float64)  # None is NaN, other things are no numbers
+        fits = about.get("shape") == list(table.shape) and bool(np.isfinite(tilts).all())
+    except (OSError, ValueError, TypeError, EOFError):
+        fits = False
+    if not fits:
         raise BadInput(
             f"{str(file)!r} is not a table of magtip, or its .json file belongs to another table: "
             "make it with magtip table"

@@ -164,9 +164,8 @@ def run(progress: Progress, *, quick: bool = False) -> Result:
 
 
 def result(rows: Sequence[Row]) -> Result:
-    marked = [row | {"verdict": row["verdict"] if row["passed"] else f"**{row['verdict']}**"} for row in rows]
     failed, lost = ([row["scene"] for row in rows if row["verdict"] == name] for name in ("fail", "not judged"))
-    page = {"rows": marked, "failed": len(failed), "lost": len(lost)}
+    page = {"rows": rows, "failed": len(failed), "lost": len(lost)}
     failures = pages.failed(lost, len(rows), "cases yield no measurement")
     failures += pages.failed(failed, len(rows), "cases fail")
     lines = [line(row) for row in rows]
