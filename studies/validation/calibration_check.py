@@ -233,4 +233,5 @@ def result(judged: Sequence[Row], unknowns: Sequence[Row], source: str, drawn: i
     title = "Calibrations of made sensors"
     shown = [Table(title=title, rows=table), *map(str, goals[-4:]), str(goals[2])]
     tables = {"calibrations": judged, "unknowns": unknowns}
-    return pages.study("calibrations", title, judged, page, goals=goals, shown=shown, tables=tables, digits=5)
+    fields: Row = {"shown": shown, "tables": tables, "digits": 5, "run": "full" if n >= ENOUGH else "quick"}
+    return pages.study("calibrations", title, judged, page, goals=goals, **fields)
