@@ -463,7 +463,9 @@ def _styles(data: pd.DataFrame, look: Look, *, marked: bool) -> tuple[dict[str, 
         columns = max(1, int(WIDTH / (LETTER * max(map(len, present), default=1) + 34)))
         # a symbol as long as two dashes tells the patterns apart; markers have their own size
         kept = {"symbolType": "stroke", "symbolSize": 600} if (look.dashed and not marked) or kind is dash else {}
-        legend = alt.Legend(columns=columns, values=present, **kept) if named and any(present) else None
+        legend = (
+            alt.Legend(columns=columns, values=present, symbolOpacity=1, **kept) if named and any(present) else None
+        )
         return kind(field=column, type="nominal", scale=alt.Scale(domain=names, **more), legend=legend, sort=None)
 
     dashes = style(alt.StrokeDash, "dash", DASHES, named=not marked) if "dash" in data else None

@@ -231,14 +231,14 @@ def figures(table: pd.DataFrame) -> list[Figure]:
     """Return the differences of all meshes from the limits over the section size; rows of converge.csv."""
     import pandas as pd
 
-    x, y, end = "section size over D", "difference from the limit (%)", "_difference_percent"
+    x, y, end = "section size over D", "difference (%)", "_difference_percent"
     level = ~texts(table, "mesh").str.fullmatch(r"\d+")
     parts = []
     for column in (name for name in table if name.endswith(end)):
         name = column.removesuffix(end)
         part = pd.DataFrame({x: numbers(table, "section_size_over_D"), y: numbers(table, column)})
         bar = numbers(table, f"{name}_bar_percent").max()
-        panel = name.replace("_", " ") + ("" if math.isfinite(bar) else ", limit unknown")
+        panel = f"{name.replace('_', ' ')}, from the {'limit' if math.isfinite(bar) else 'finest mesh'}"
         series = texts(table, "mesh").where(level, OF_ONE_RATIO)
         part = part.assign(panel=panel, series=series, point=texts(table, "mesh"), joined=False)
         # points, those of levels above the others, and a line through those of one ratio
@@ -247,9 +247,7 @@ def figures(table: pd.DataFrame) -> list[Figure]:
             ends = pd.DataFrame({x: [part[x].min(), part[x].max()], y: 0.0, "low": -bar, "high": bar})
             parts.append(ends.assign(panel=panel, series=LIMIT, point="limit", joined=True))
     data = pd.concat(parts, ignore_index=True) if parts else pd.DataFrame({x: [], y: [], "series": []})
-    caption = (
-        "All edge lengths fall with the section size. Without a limit, differences are those from the finest mesh."
-    )
+    caption = "All edge lengths fall with the section size. Differences are from the limit, else the finest mesh."
     names = (OF_ONE_RATIO, "quick", "standard", "fine", LIMIT)
     look = Look(log="x", shared=False, guides=(Guide("y", 0.0),), names=names)
     return [plot("Convergence with the mesh", caption, data, x, y, look)]
