@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fem.accuracy import QUICK, STANDARD, coarser
+from fem.accuracy import QUICK, STANDARD, longer_edges
 from fem.analyses import small_shear
 from fem.analyses.modes import modes
 from fem.equilibrium import solve, trace
@@ -151,7 +151,7 @@ def test_a_small_shear_beyond_the_guided_critical_depth_is_unstable(monkeypatch)
     stable, beyond = (small_shear.small_shear(long, depth, accuracy=QUICK, estimate=False) for depth in (3.7, 9.9))
     assert (stable.status, beyond.status) == ("ok", "unstable")
     assert beyond.stiffness > 0 > stable.stiffness
-    found = {QUICK: stable, coarser(QUICK): beyond}
+    found = {QUICK: stable, longer_edges(QUICK): beyond}
     monkeypatch.setattr(small_shear, "_solve_small_shear", lambda scene, edge: found[scene.accuracy])
     assert small_shear.small_shear(long, 3.7, accuracy=QUICK).status == "unknown"
 

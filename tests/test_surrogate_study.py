@@ -66,7 +66,9 @@ def test_every_state_of_the_test_has_its_errors(result):
 def test_the_report_says_what_is_missed(result, tmp_path):
     found = surrogate_study.result(result, 13)
     write(found, tmp_path, "magtip validate surrogate")
-    (said,) = found.failures
+    # thirteen beams miss other goals than a whole run, which is told as well
+    said, changed = found.failures
+    assert changed.startswith("the expected misses changed: ")
     text = (tmp_path / "SURROGATE.md").read_text("utf-8")
     # few beams on rough meshes cannot reach 2 %
     lost = said.partition("missed. ")[2].split("; ")

@@ -197,7 +197,7 @@ class LoadingCurve:
         """Return the power of the motion with which the force grows near a point; `power` where no other one is near.
 
         >>> states = [CurvePoint(motion, motion**1.5, None) for motion in (0.0, 1.0, 2.0)]
-        >>> LoadingCurve(states, None, power=1.0, most=3.0).power_at(states[2])
+        >>> round(LoadingCurve(states, None, power=1.0, most=3.0).power_at(states[2]), 9)
         1.5
         """
         others = [one for one in self.points if one.force > 0 and one.motion > 0]

@@ -44,6 +44,7 @@ ROWS = {
     "hysteresis": ("hysteresis of a press, of full scale", -1, "%", "hysteresis"),
     "stability_margin": ("critical depth over depth", 1, "", "stable_to"),
     "first_mode": ("first mode", 1, "Hz", "first_mode"),
+    "bandwidth": ("bandwidth of the readings", 1, "Hz", "bandwidth"),
     "outer_size": ("outer size", -1, "mm", "outer_size"),
     "height": ("height", -1, "mm", "height"),
     "wall": ("thinnest wall", 1, "mm", "wall"),
