@@ -164,8 +164,9 @@ def answer(
 def _fields(cases: pd.DataFrame, *, needs_load: bool) -> tuple[dict[str, Values], Values]:
     names = [_axis(str(column)) for column in cases.columns]
     plain = [study_input.field_of(name) for name in names]
-    if twice := [name for name in dict.fromkeys(plain) if plain.count(name) > 1]:
-        raise BadInput(f"the column {study_input.column(twice[0])} stands twice in the cases: leave one of them out")
+    if twice := [name for name in plain if plain.count(name) > 1]:
+        both = [str(column) for column, name in zip(cases.columns, plain, strict=True) if name == twice[0]]
+        raise BadInput(f"{twice[0]} is given twice, as columns {' and '.join(both)}: leave one of them out")
     if not names or (needs_load and not {"depth", "grip"} & set(plain)):
         raise BadInput("the cases have neither depth_mm nor grip_mm: add the depth of the press in mm as a column")
     columns = [_cells(name, cases[column]) for name, column in zip(names, cases, strict=True)]
@@ -249,13 +250,17 @@ def _cells(name: str, column: pd.Series) -> tuple[Values, list[str]]:
             reasons[k] = _refusal(name, float(values[k]))
         return values, reasons
     cells = [cell if isinstance(cell, str) else _number(cell) for cell in column]
-    reasons = [_refusal(name, cell, given) for cell, given in zip(cells, column, strict=True)]
+    # a number beyond all floats is told as inf: it may have thousands of digits
+    told = [None if cell in (math.inf, -math.inf) else given for cell, given in zip(cells, column, strict=True)]
+    reasons = [_refusal(name, cell, given) for cell, given in zip(cells, told, strict=True)]
     return np.array(cells, dtype=object if any(isinstance(cell, str) for cell in cells) else float), reasons
 
 
 def _refusal(name: str, cell: str | float, given: object = None) -> str:
     """Return why a cell is refused, "" if it is not; `given` is what stood there if that is no float."""
-    if name == "grip" and cell != cell and (given is None or given != given):
+    import pandas as pd
+
+    if name == "grip" and cell != cell and (given is None or given is pd.NA or str(given).lower() == "nan"):
         return ""
     wrong = study_input.fault(name, cell, given, open_low=True)
     return f"{study_input.column(name)} {wrong}" if wrong else ""
@@ -263,4 +268,10 @@ def _refusal(name: str, cell: str | float, given: object = None) -> str:
 
 def _number(cell: Any) -> float:
     known = isinstance(cell, (numbers.Real, decimal.Decimal)) and not isinstance(cell, (bool, np.bool_))
-    return float(cell) if known else math.nan
+    try:
+        return float(cell) if known else math.nan
+    except ValueError:
+        # a signalling NaN
+        return math.nan
+    except OverflowError:
+        return math.inf if cell > 0 else -math.inf

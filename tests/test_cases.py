@@ -151,10 +151,28 @@ def test_an_impossible_modulus_has_no_force(ask, E):
 
 
 def test_cells_of_other_kinds_are_named(ask):
-    cells = [1, np.int8(1), Decimal("1"), "1", 1j, True, None, pd.NA, pd.Timedelta(1)]
+    cells = [
+        1,
+        np.int8(1),
+        Decimal("1"),
+        "1",
+        1j,
+        True,
+        None,
+        pd.NA,
+        pd.Timedelta(1),
+        Decimal("sNaN"),
+        10**5000,
+        -(10**400),
+    ]
     found = ask({"depth_mm": cells}, quantities=["force"])
-    assert list(found["status"]) == ["ok"] * 3 + ["bad_input"] * 6
+    assert list(found["status"]) == ["ok"] * 3 + ["bad_input"] * 9
     assert found["message"].iloc[3] == "depth_mm must be a number; got '1'"
+    assert found["message"].iloc[-1] == "depth_mm must be a finite number; got -inf"
+    grips = ask(
+        {"depth_mm": [1.0] * 5, "grip_mm": [math.nan, None, pd.NA, Decimal("NaN"), "x"]}, quantities=["force"]
+    )
+    assert list(grips["status"]) == ["ok"] * 4 + ["bad_input"]
 
 
 def test_many_rows_of_few_problems_are_quick(ask):
@@ -215,6 +233,7 @@ def test_the_tolerance_chooses_for_each_row(ask):
     [
         ({"depht_mm": [1]}, {}, "there is no field 'depht_mm' .* did you mean depth_mm"),
         ({"L_mm": [10]}, {}, "neither depth_mm nor grip_mm"),
+        ({"L_over_D": [1], "L_mm": [9], "depth_mm": [1]}, {}, "L is given twice, as columns L_over_D and L_mm"),
         ({"depth_mm": [1]}, {"models": "paper"}, r"models must be a list of names, such as \['paper'\]; got 'paper'"),
         ({"depth_mm": [1]}, {"models": ["fim"]}, "there is no model 'fim'"),
         ({"depth_mm": [1]}, {"models": ["fem", "fem:standard"]}, "given twice"),
