@@ -799,8 +799,10 @@ def test_a_chips_own_axes_are_read_and_a_minus_reverses_a_column(tmp_path):
     assert read.values(["chip_-z", "chip_x", "chip_y"])[:2] == pytest.approx(
         np.array([[0.02, 0.001, -5e-4], [0.021, 0.002, -6e-4]])
     )
-    rows.assign(chip_y_mT=0.5).drop(columns="Y0 [uT]").to_csv(file, index=False)
-    assert bench_file.read_readings(file, design)[1][0] == pytest.approx([0.02, 0.001, 5e-4])
+    rows.assign(chip_y_mT=0.5, temp_K=[288.15, 293.15]).drop(columns="Y0 [uT]").to_csv(file, index=False)
+    _, readings, _, celsius = bench_file.read_readings(file, design)
+    assert readings[0] == pytest.approx([0.02, 0.001, 5e-4])
+    assert celsius == pytest.approx([15, 20])
 
 
 def parted(table, later):
@@ -833,6 +835,7 @@ def parted(table, later):
         (lambda t: t.assign(S1_V=t.S1_V.where(t.index != 3, 1e30)), [], "readings of S1 such as 1e+30 V cannot be"),
         (lambda t: t.assign(temperature_C=-400.0), [], "must lie between -60 and 160 C; got -400 C"),
         (lambda t: t.assign(temp_degC=293.0), [], "got 293 C: check it: degrees Celsius are kelvin less 273.15"),
+        (lambda t: t.assign(temperature_K=20.0), [], "column temperature_K: a temperature must lie between -60 and"),
         (lambda t: t, ["--scan"], "a scan is read by a 3-axis chip"),
     ],
 )  # fmt: skip

@@ -18,7 +18,7 @@ import numpy as np
 from analytic import parts
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
-from studies.inputs.table_input import COLDEST, HOTTEST, UNITS, Measured, split_head
+from studies.inputs.table_input import COLDEST, HOTTEST, KELVIN, UNITS, Measured, split_head
 
 FORCES, MOTIONS = ("Fx_N", "Fy_N", "Fz_N"), ("depth_mm", "shear_x_mm", "shear_y_mm")
 NAMES = {
@@ -27,7 +27,6 @@ NAMES = {
     r"t|time|t_wall": "time_s", r"temp|temperature": "temperature_C",
 }  # fmt: skip
 """Heads without their unit, in small letters, and the columns that they mean."""
-KELVIN = 273.15
 IMPOSSIBLE = 100.0
 """Reading over the rail of its element beyond which a single cell is refused."""
 FEWEST = 4
@@ -141,6 +140,7 @@ def _read_file(
         else:
             table[column] = raw.numbers(head, holes=True) * (-sign if head in reversed_ else sign) * _factor(named)
         if column == "temperature_C":
+            table[column] -= KELVIN * (named == "K")
             _check_temperatures(raw, head, table[column])
         understood["values"] = sum(map(bool, raw.cells(head)))
     if missing := [name for name in names if name not in table]:
