@@ -344,6 +344,8 @@ def test_a_wrong_force_and_a_copied_row_are_named_also_when_the_calibration_is_u
     # one wrong force is no wrong unit
     assert "probably" not in err
     design, found = tmp_path / "out" / "design.toml", tmp_path / "out" / "calibration.json"
+    again = ("calibrate", "paper", tmp_path / "bench.csv", tmp_path / "bench.csv", "--out", tmp_path / "out")
+    assert "has the same rows as" in run(*again)[2]
     err = run("readings", design, "--calibration", found, "--json")[2]
     assert "calibration.json, as magtip calibrate said: row 5 of bench fits" in err.replace("\n", " ")
 
@@ -542,11 +544,12 @@ def test_an_edited_calibration_is_refused_and_so_are_other_shapes(calibration, t
 def test_swapped_elements_are_told(bench, run, tmp_path):
     table = bench[0].iloc[:12, :7]
     swapped = table.rename(columns={"S2_V": "S3_V", "S3_V": "S2_V"}).assign(run=[1, 2] * 6)
-    swapped.to_csv(tmp_path / "swapped.csv", index=False)
+    pd.concat([swapped, swapped.iloc[[2]]]).to_csv(tmp_path / "swapped.csv", index=False)
     status, _, err = run("calibrate", "paper", tmp_path / "swapped.csv")
     assert status == 3
+    cause = "row 7 of swapped:1 repeats another one to the last digit: was it measured again? Else probably"
     # the layout is its own mirror image
-    assert "do not use this calibration; probably S2 is exchanged with S3, or Fx_N is exchanged with Fy_N" in err
+    assert f"do not use this calibration; {cause} S2 is exchanged with S3, or Fx_N is exchanged with Fy_N" in err
 
 
 # Temperature
@@ -799,8 +802,10 @@ def test_a_chips_own_axes_are_read_and_a_minus_reverses_a_column(tmp_path):
     assert read.values(["chip_-z", "chip_x", "chip_y"])[:2] == pytest.approx(
         np.array([[0.02, 0.001, -5e-4], [0.021, 0.002, -6e-4]])
     )
-    rows.assign(chip_y_mT=0.5).drop(columns="Y0 [uT]").to_csv(file, index=False)
-    assert bench_file.read_readings(file, design)[1][0] == pytest.approx([0.02, 0.001, 5e-4])
+    rows.assign(chip_y_mT=0.5, temp_K=[288.15, 293.15]).drop(columns="Y0 [uT]").to_csv(file, index=False)
+    _, readings, _, celsius = bench_file.read_readings(file, design)
+    assert readings[0] == pytest.approx([0.02, 0.001, 5e-4])
+    assert celsius == pytest.approx([15, 20])
 
 
 def parted(table, later):
@@ -823,7 +828,8 @@ def parted(table, later):
         (lambda t: parted(t, 0.5), [], "interpolate the forces to the times of the readings"),
         (lambda t: t.rename(columns={"F_z [N]": "F_z"}), [], "as in F_z_N"),
         (lambda t: t.iloc[:, :3], [], "the bench has no force"),
-        (lambda t: t.iloc[:3], [], "needs at least 4"),
+        (lambda t: t.iloc[:3], [], "only 3 rows have all readings and a force: a calibration needs at least 4"),
+        (lambda t: t.assign(S1_V=t.S1_V[:2], S2_V=t.S2_V[1:3]), [], "only 1 row has all readings and a force"),
         (lambda t: t, ["--force-sign", "-1"], "all forces along z are negative"),
         (lambda t: t, ["--fix", "foo=1"], "there is no unknown 'foo'"),
         (lambda t: t, ["--fix", "remanence=1e9"], "is far from what a made sensor has"),
@@ -833,6 +839,7 @@ def parted(table, later):
         (lambda t: t.assign(S1_V=t.S1_V.where(t.index != 3, 1e30)), [], "readings of S1 such as 1e+30 V cannot be"),
         (lambda t: t.assign(temperature_C=-400.0), [], "must lie between -60 and 160 C; got -400 C"),
         (lambda t: t.assign(temp_degC=293.0), [], "got 293 C: check it: degrees Celsius are kelvin less 273.15"),
+        (lambda t: t.assign(temperature_K=20.0), [], "column temperature_K: a temperature must lie between -60 and"),
         (lambda t: t, ["--scan"], "a scan is read by a 3-axis chip"),
     ],
 )  # fmt: skip

@@ -30,6 +30,7 @@ BAD = [
     ("solve paper --dpeth 1", "did you mean --depth?"),
     ("solve paper --depth nan", "depth must be a finite number of mm, 0 or more; got nan"),
     ("solve paper --depth", "solve: --depth needs a value: add it behind the option"),
+    ("stream paper --axes -x,-y,z", "--axes needs a value: one that begins with a minus is written --axes=-x,-y,z"),
     ("solve paper --depth 1 --depth 2", "--depth specified multiple times"),
     ("solve paper --depth 7.5", "depth must be less than 7 mm, the silicone on the axis"),
     ("solve paper --depth 1 --magnet soft", 'Choose from: "rigid", "ignored"'),

@@ -1,5 +1,6 @@
 """Imported meshes keep their cells and regions, or are refused with the reason."""
 
+import os
 from dataclasses import replace
 
 import meshio
@@ -150,6 +151,9 @@ def test_other_files_are_refused(arrays, tmp_path):
     points, *_ = arrays
     with pytest.raises(BadInput, match="there is no file"):
         mesh_import.read(tmp_path / "nothing.vtu", SHAPE)
+    for path, kind in ((tmp_path, "a folder"), (os.devnull, "a device or a pipe")):
+        with pytest.raises(BadInput, match=f"' is {kind}: give the file of a mesh"):
+            mesh_import.read(path, SHAPE)
     for name, text in (("a.vtu", "not a mesh"), ("a.msh", ""), ("a.xyz", "1 2 3"), ("a.inp", "*NODE\n1, a\n")):
         (tmp_path / name).write_text(text)
         with pytest.raises(BadInput, match=r"cannot read(?!.*SystemExit)|must consist of tetrahedra"):

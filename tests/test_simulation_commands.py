@@ -37,6 +37,23 @@ def test_stability_says_when_and_how_stiff(run, strict):
     assert 0 < record["tilt_rad_per_mm"] < 0.2
 
 
+def test_a_glued_tip_that_is_stable_says_what_a_free_one_does():
+    """A negative stiffness is one of a moved plate; near the critical depth nothing is known of a free tip."""
+    record = {"status": "ok", "critical_depth_mm": 1.0, "critical_depth_error_estimate": 0.01}
+    record |= {"guided_critical_depth_mm": 5.0, "guided_critical_depth_error_estimate": 0.01}
+    record |= {"guided_stable_to_mm": 5.0}
+    for depth, stiffness, said in (
+        (0.9, 1e-3, ""),
+        (0.995, -1e-5, "it is not known whether the press is stable if the tip slides freely"),
+        (1.2, -1e-3, "the straight press is unstable if the tip slides freely"),
+    ):
+        shear = small_shear.SmallShear(stiffness, 0.5, 0.1, 1.0, 1.0, stability=STABLE)
+        status, message = critical_depths._stability_at(record, depth, shear)
+        assert (status, "guided" in message) == ("ok", False)
+        assert said in message
+    assert critical_depths._stability_at(record, 6.0, shear)[0] == "unstable"
+
+
 def test_modes_are_named_and_judged(run, strict):
     status, out, _ = run("modes", "paper", "--count", 4, "--accuracy", "quick", "--json")
     assert status == 0

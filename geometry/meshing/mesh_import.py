@@ -168,8 +168,12 @@ def _on_surfaces(cells: _Cells, shape: Shape, magnet: MagnetCells) -> MeshTet2:
 def _opened(path: str | Path, text: str) -> Any:
     import meshio
 
-    if not Path(path).is_file():
+    if Path(path).is_dir():
+        raise BadInput(f"{text} is a folder: give the file of a mesh")
+    if not Path(path).exists():
         raise BadInput(f"there is no file {text}: check its path")
+    if not Path(path).is_file():
+        raise BadInput(f"{text} is a device or a pipe: give the file of a mesh")
     if Path(path).stat().st_size > MOST_BYTES:
         raise BadInput(f"the mesh {text} has more than {MOST_BYTES // 1_000_000} MB: make a coarser one")
     try:

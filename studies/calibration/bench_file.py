@@ -18,7 +18,7 @@ import numpy as np
 from analytic import parts
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
-from studies.inputs.table_input import COLDEST, HOTTEST, UNITS, Measured, split_head
+from studies.inputs.table_input import COLDEST, HOTTEST, KELVIN, UNITS, Measured, split_head
 
 FORCES, MOTIONS = ("Fx_N", "Fy_N", "Fz_N"), ("depth_mm", "shear_x_mm", "shear_y_mm")
 NAMES = {
@@ -27,7 +27,6 @@ NAMES = {
     r"t|time|t_wall": "time_s", r"temp|temperature": "temperature_C",
 }  # fmt: skip
 """Heads without their unit, in small letters, and the columns that they mean."""
-KELVIN = 273.15
 IMPOSSIBLE = 100.0
 """Reading over the rail of its element beyond which a single cell is refused."""
 FEWEST = 4
@@ -79,9 +78,15 @@ def read(
 
     elements = parts.of_design(design)
     names = tuple(parts.columns(elements))
+    raw: list[Any] = []
     tables, understood = [], []
     for file in files:
         _, table, heads = _read_file(file, names, elements[0].unit, columns or {})
+        if same := [other for other, earlier in zip(files, raw, strict=False) if earlier.equals(table)]:
+            raise BadInput(
+                f"{str(file)!r} has the same rows as {str(same[0])!r}, but each file is a run: give one of them"
+            )
+        raw.append(table.copy())
         label = file.name.removesuffix(".gz").removesuffix(".csv")
         table["run"] = f"{label}:" + table["run"].astype(str) if "run" in table else label
         tables.append(table)
@@ -141,6 +146,7 @@ def _read_file(
         else:
             table[column] = raw.numbers(head, holes=True) * (-sign if head in reversed_ else sign) * _factor(named)
         if column == "temperature_C":
+            table[column] -= KELVIN * (named == "K")
             _check_temperatures(raw, head, table[column])
         understood["values"] = sum(map(bool, raw.cells(head)))
     if missing := [name for name in names if name not in table]:
@@ -240,9 +246,9 @@ def _check(table: Any, names: Sequence[str], forces: Sequence[str], element: par
         raise BadInput("all forces along z are negative, but a press is positive: use --force-sign -1")
     read, felt = table[[*names]].notna().all(axis=1), table[list(forces)].notna().any(axis=1)
     if (count := int((read & felt).sum())) < FEWEST:
+        counted = {0: "no row has", 1: "only 1 row has"}.get(count, f"only {count} rows have")
         raise BadInput(
-            f"only {count} rows have all readings and a force: a calibration needs at least {FEWEST}"
-            f"{_apart(table, read, felt)}"
+            f"{counted} all readings and a force: a calibration needs at least {FEWEST}{_apart(table, read, felt)}"
         )
 
 

@@ -336,16 +336,22 @@ def _place(bench: Bench, row: int) -> str:
     return f"row {1 + int(np.count_nonzero(run[:row] == run[row]))} of {run[row]}"
 
 
-def _odd_rows(bench: Bench, full: NDArray[np.bool_]) -> list[str]:
-    """Return sentences on rows that are left out, since a reading (n, k) lies at a rail, and on exact copies."""
+def _odd_rows(bench: Bench, full: NDArray[np.bool_]) -> tuple[list[str], list[str]]:
+    """Return a sentence on rows that are left out, since a reading (n, k) lies at a rail, and one on exact copies.
+
+    Either list is empty without such rows.
+    """
     left_out = np.flatnonzero(full.any(axis=1))
     copies = np.flatnonzero(bench.table.duplicated([name for name in bench.table if name not in ("run", "time_s")]))
-    said = []
-    for rows, text in ((left_out, "is left out, because {} lies at a rail of its element"), (copies, COPY)):
-        if len(rows):
-            more = f" (and {len(rows) - 1} more)" * (len(rows) > 1)
-            said.append(f"{_place(bench, rows[0])}{more} {text.format(bench.readings[int(full[rows[0]].argmax())])}")
-    return said
+    element = bench.readings[int(full[left_out[0]].argmax())] if len(left_out) else ""
+    at_rail, copied = (
+        [f"{_place(bench, rows[0])}{f' (and {len(rows) - 1} more)' * (len(rows) > 1)} {text}"] if len(rows) else []
+        for rows, text in (
+            (left_out, f"is left out, because {element} lies at a rail of its element"),
+            (copies, COPY),
+        )
+    )
+    return at_rail, copied
 
 
 def _estimated(
@@ -500,16 +506,18 @@ def run(design: Design, files: Sequence[Path], options: Calibrating, progress: P
     hint, better = mistaken(sensor, measured[rows], warmer[rows], bench.readings) if doubtful else ("", 1.0)
     if better > CERTAIN:
         raise BadInput(f"the columns are not what their heads say: {hint}")
+    at_rail, copied = _odd_rows(bench, full)
+    check = " Else ".join([*copied, hint or CHECK])
     for name in ("modulus", "remanence"):
         if not (factor := float(sensor.value(found.theta, name))) > 0:
             raise BadInput(
                 f"no sensor of this design has these rows, as its {name} would be {factor:.2g} times the design's: "
-                f"{hint or CHECK}"
+                f"{check}"
             )
     try:
         table, curve, force = held_out(found.sensor, measured, warmer, bench, rows, progress)
     except BadInput as error:
-        raise BadInput(f"no sensor of this design has these rows ({error}): {hint or CHECK}") from None
+        raise BadInput(f"no sensor of this design has these rows ({error}): {check}") from None
     if not doubtful and not odd and _failures(_summary(table), ""):
         hint, _ = mistaken(sensor, measured[rows], warmer[rows], bench.readings)
     progress(0.95, "pictures")
@@ -520,9 +528,10 @@ def run(design: Design, files: Sequence[Path], options: Calibrating, progress: P
     origin: FlatRow = {
         "mechanics": source, "lag_s": lag, "full_scale": full_scale, "noise_source": noise_source,
         "estimated": found.sensor.force_noise != sensor.force_noise, "hint": hint,
+        "check": " Else ".join([*copied, hint or CHECK]),
     }  # fmt: skip
     drawn = partial(figures, truth[rows], force[rows], curve)
-    said = [*_odd_rows(bench, full), *odd]
+    said = [*at_rail, *copied, *odd]
     if len(rows) < len(usable):
         said.append(f"{len(rows)} of {len(usable)} rows are used, evenly spaced: more would teach hardly anything")
     if force_noise is None and not origin["estimated"]:
@@ -571,13 +580,12 @@ def _warnings(found: Fit, tables: Mapping[str, Rows], outliers: Sequence[str], o
     return said
 
 
-def _failures(summary: Sequence[FlatRow], hint: str) -> list[str]:
+def _failures(summary: Sequence[FlatRow], check: str) -> list[str]:
     """Return why a calibration is of no use: most rows have no force, or a regression is much better.
 
-    hint : which columns are probably exchanged, or "".
+    check : what is to be checked then, the most probable cause first.
     """
     own, others = summary[0], [row["rmse_N"] for row in summary[1:] if math.isfinite(row["rmse_N"])]
-    check = hint or CHECK
     if not own["rows"] > 2 * own["lost"]:
         return [f"{own['lost']} of {own['rows']} held-out rows have no force: do not use this calibration; {check}"]
     if others and not own["rmse_N"] <= UNUSABLE * min(others):
@@ -596,7 +604,7 @@ def _result(
 ) -> Result:
     sensor, design, summary = found.sensor, found.sensor.design, _summary(tables["held_out"])
     said, warnings = [*sentences(found), advice(found)], _warnings(found, tables, outliers, summary[0])
-    failures = _failures(summary, origin["hint"])
+    failures = _failures(summary, str(origin["check"]))
     if origin["hint"] and not failures:
         warnings.insert(0, origin["hint"])
     record: FlatRow = {

@@ -145,7 +145,12 @@ def _moved(words: list[str]) -> str:
 def _missing(error: MissingArgumentError) -> str:
     verb = " ".join(error.command_chain or ())
     if error.keyword is not None or error.argument is None:
-        return f"{verb}: {error.keyword} needs a value: add it behind the option"
+        tokens = [*(error.root_input_tokens or ()), ""]
+        following = tokens[tokens.index(error.keyword) + 1] if error.keyword in tokens else ""
+        # a value that begins with a minus is read as an option
+        joined = f"{error.keyword}={following}" if re.match("-[^-]", following) else ""
+        remedy = f"one that begins with a minus is written {joined}" if joined else "add it behind the option"
+        return f"{verb}: {error.keyword} needs a value: {remedy}"
     name = error.argument.name
     return f"{verb} needs {name}: add {f'{name} and its value' if name.startswith('--') else 'it behind the verb'}"
 

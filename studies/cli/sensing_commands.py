@@ -120,7 +120,8 @@ def calibrate(
     bench
         CSV files (also .csv.gz), each a run. Heads have their unit as a suffix or in brackets: the readings by the
         names of the elements, S1_V, `S1 [mV]`; forces Fx_N, Fy_N, Fz_N (or load_g), positive along x, y and in
-        compression; if measured depth_mm, shear_x_mm, shear_y_mm, time_s, temperature_C, run. Cells may be empty.
+        compression; if measured depth_mm, shear_x_mm, shear_y_mm, time_s, temperature_C (or _K), run. Empty cells are
+        allowed.
     out
         Folder for calibration.json, which `decode --calibration` reads, design.toml, CALIBRATION.md, tables, picture.
     """

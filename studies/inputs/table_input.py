@@ -32,10 +32,12 @@ UNITS: dict[str, dict[str, float]] = {
     "N": {"N": 1.0, "mN": 1e-3, "g": 9.80665e-3, "gf": 9.80665e-3, "kg": 9.80665},
     "mm": {"mm": 1.0, "um": 1e-3, "µm": 1e-3, "m": 1e3},
     "s": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0, "h": 3600.0},
-    "C": {"C": 1.0, "degC": 1.0, "°C": 1.0},
+    "C": {"C": 1.0, "degC": 1.0, "°C": 1.0, "K": 1.0},
     "MPa": {"MPa": 1.0, "kPa": 1e-3, "Pa": 1e-6},
 }
-"""Factors of the units that a head may name, by the unit of the values that are read."""
+"""Factors of the units that a head may name, by the unit of the values that are read; kelvin have `KELVIN`, too."""
+KELVIN = 273.15
+"""0 C, K."""
 COLDEST, HOTTEST = -60.0, 160.0
 """Temperatures, C, that a chip or a magnet in use can have."""
 Rows = list[tuple[int, list[str]]]

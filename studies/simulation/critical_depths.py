@@ -144,17 +144,20 @@ def _stability_at(record: FlatRow, depth: float, shear: SmallShear) -> tuple[str
     free, guided, limit = (record[name] for name in names)
     error = record["guided_critical_depth_error_estimate"] or 0.0
     near = guided is not None and abs(depth / guided - 1) <= error
-    if shear.status == "unstable" or (guided is not None and depth > guided and not near) or not shear.stiffness > 0:
-        return "unstable", f"at depth {depth:g} mm the straight press is unstable even with a guided tip"
+    here, glued = f"at depth {depth:g} mm", "stiffness, shift and tilt hold for a tip that sticks to the plate"
+    if shear.status == "unstable" or (guided is not None and depth > guided and not near):
+        return "unstable", f"{here} the straight press is unstable even with a guided tip"
     if near or shear.status == "unknown":
-        return "unknown", f"at depth {depth:g} mm it is not known whether the press is stable even with a guided tip"
+        return "unknown", f"{here} it is not known whether the press is stable even with a guided tip"
     if depth > limit:
-        return "unknown", f"at depth {depth:g} mm stability is unknown: the search ended at {limit:.4g} mm"
-    if free is not None and depth > free:
-        return record["status"], (
-            f"at depth {depth:g} mm the straight press is unstable if the tip slides freely: stiffness, shift and "
-            "tilt hold for a tip that sticks to the plate"
-        )
+        return "unknown", f"{here} stability is unknown: the search ended at {limit:.4g} mm"
+    # glued to a plate that does not move, the press is stable, also where a moved plate meets no resistance
+    if free is not None and abs(depth / free - 1) <= (record["critical_depth_error_estimate"] or 0.0):
+        return record[
+            "status"
+        ], f"{here} it is not known whether the press is stable if the tip slides freely: {glued}"
+    if (free is not None and depth > free) or not shear.stiffness > 0:
+        return record["status"], f"{here} the straight press is unstable if the tip slides freely: {glued}"
     return record["status"], ""
 
 
