@@ -377,6 +377,7 @@ def test_verb(tmp_path, capsys):
     [
         (["--flash", "9k"], "--flash 9k is too small: the smallest decoder of this design takes"),
         (["--flash", "nan"], "--flash takes a size"),
+        (["--flash", "0"], "--flash takes a size"),
         (["--set", "magnet_diameter=0", "--set", "magnet_height=0"], "this design has no magnet"),
         (["--level", "none"], "level must be one of"),
         (["--set", "l0=4.5"], "lies inside the beam"),
@@ -387,4 +388,6 @@ def test_bad_input_is_one_sentence(arguments, sentence, tmp_path, capsys):
     assert main(["firmware", "paper", "--out", str(tmp_path / "new"), *arguments]) == 2
     err = capsys.readouterr().err
     assert sentence in err
+    # what is wrong by itself is said before any work
+    assert "--flash takes" not in err or err.startswith("magtip:")
     assert not (tmp_path / "new").exists()

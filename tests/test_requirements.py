@@ -3,6 +3,8 @@
 import dataclasses
 import json
 import math
+import re
+import typing
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +14,7 @@ from analytic.parts import of_design
 from geometry.base import Base, plan
 from geometry.design import Design
 from geometry.hall_chips import CHIPS
+from studies.cli.design_commands import Wanted
 from studies.firmware import decoder_export
 from studies.inputs.user_input import read_design
 from studies.output.goals import Goal, failures
@@ -20,7 +23,7 @@ from studies.sizing.candidate_variables import Space, Variant, part_fields
 from studies.sizing.catalogues import catalogues_of, read_catalogue
 from studies.sizing.conflicts import demand, impossible
 from studies.sizing.published_sensors import published_sensors, reached_in
-from studies.sizing.requirements import LIMITS, Requirements, read_requirements
+from studies.sizing.requirements import KINDS, LIMITS, Requirements, read_requirements
 from studies.sizing.variant_search import Effort, sorted_parts
 
 FULL = """
@@ -94,6 +97,16 @@ def test_every_key(toml, tmp_path):
         weight_range=2.0,
         weight_size=0.0,
     )
+
+
+def test_the_help_names_every_key():
+    text = typing.get_args(Wanted)[1].help.replace("[weights]", "weights")
+    assert set(re.findall(r"\w+", text.partition("Keys: ")[2].partition(";")[0])) - {"needed"} == set(KINDS)
+
+
+def test_size_says_which_of_its_arguments_is_missing(toml, run):
+    assert "needs --out FOLDER: add it" in run("size", toml(FULL))[2]
+    assert "needs a file of requirements" in run("size", "--out", "folder")[2]
 
 
 def test_rows_state_what_is_unset():

@@ -192,10 +192,10 @@ Wanted = Annotated[
     Parameter(
         name="REQUIREMENTS",
         help="TOML file of requirements. Keys: force_z (needed), force_x, friction, press_with_shear, range_cap, "
-        "resolution_z, resolution_x, bandwidth, samples, chips, converter_noise, converter_step, largest_strain, "
-        "no_saturation, unique_decoding, stability_margin, first_mode, outer_size, outer_shape, height, process, "
-        "wall, D, catalogues, shipped, magnets, hall_parts, silicones, seed, [weights]; --example prints a file with "
-        "all of them.",
+        "resolution_z, resolution_x, bandwidth, samples, chips, converter_noise, converter_step, converter_rate, "
+        "largest_strain, no_saturation, unique_decoding, stability_margin, drift_per_K, hysteresis, speed, "
+        "first_mode, outer_size, outer_shape, height, process, wall, D, catalogues, shipped, magnets, hall_parts, "
+        "silicones, seed, version, [weights]; --example prints a file with all of them.",
     ),
 ]
 MOST = 4096
@@ -255,8 +255,10 @@ def size(
     if example:
         print(EXAMPLE, end="")
         return 0
-    if not source or out is None:
+    if not source:
         raise BadInput("size needs a file of requirements and --out FOLDER; size --example prints such a file")
+    if out is None:
+        raise BadInput("size needs --out FOLDER: add it behind the file of requirements")
     here = call.here(sizing_study.FILES)
     requirements = read_requirements(source)
     settings = _settings(options, requirements.seed)

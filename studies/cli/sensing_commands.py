@@ -288,6 +288,7 @@ def firmware(
     here = call.here((*decoder_export.FILES, *ros2_package.FILES), inputs)
     if calibration is not None and (level or responses or tolerances):
         raise BadInput("--calibration gives mechanics and sensor: leave --level, --responses and --tolerance out")
+    decoder_export.bytes_of(flash)
     design = call.design()
     made = parse_tolerances(tolerances or [], design)
     more = ros2_package.files(design, calibration) if ros2 else {}

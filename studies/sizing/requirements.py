@@ -226,8 +226,8 @@ SWITCHES = tuple(spec for spec in dataclasses.fields(Requirements) if spec.defau
 def read_requirements(path: str) -> Requirements:
     """Read the requirements in a TOML file; catalogues are relative to the file's folder."""
     table = toml_table(path, "file")
-    check_keys(path, table, _KINDS)
-    values = validated(path, table, _KINDS)
+    check_keys(path, table, KINDS)
+    values = validated(path, table, KINDS)
     version = values.pop("version", VERSION)
     if version != VERSION:
         raise BadInput(
@@ -242,7 +242,7 @@ def read_requirements(path: str) -> Requirements:
 
 
 _NUMBER: Any = float | str
-_KINDS: dict[str, Any] = {
+KINDS: dict[str, Any] = {
     "version": int,
     **{name: _NUMBER for name in LIMITS if name not in ("D_low", "D_high")},
     "D": float | str | list[Any],
@@ -254,7 +254,7 @@ _KINDS: dict[str, Any] = {
     "seed": int,
     "weights": dict[str, Any],
 }
-"""Types of the keys of a file."""
+"""Types of all keys of a file."""
 
 
 def _fields(path: str, values: Mapping[str, Any]) -> dict[str, Any]:
