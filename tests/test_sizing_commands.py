@@ -143,14 +143,14 @@ def test_what_is_impossible_is_said_before_the_search(tmp_path, capsys, monkeypa
 
 
 def test_an_example_has_all_keys_and_is_a_file_of_requirements(tmp_path, capsys):
-    from studies.sizing.requirements import _KINDS, read_requirements
+    from studies.sizing.requirements import KINDS, read_requirements
 
     assert commands.run(["size", "--example"]) == 0
     text = capsys.readouterr().out
     file = tmp_path / "example.toml"
     file.write_text(text, encoding="utf-8")
     assert read_requirements(str(file)).force_x == 2.0
-    assert all(f"{key} = " in text or f"[{key}]" in text for key in _KINDS)
+    assert all(f"{key} = " in text or f"[{key}]" in text for key in KINDS)
     assert commands.run(["size"]) == 2
     assert "size --example" in capsys.readouterr().err
 

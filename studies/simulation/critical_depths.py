@@ -156,8 +156,10 @@ def _stability_at(record: FlatRow, depth: float, shear: SmallShear) -> tuple[str
         return record[
             "status"
         ], f"{here} it is not known whether the press is stable if the tip slides freely: {glued}"
-    if (free is not None and depth > free) or not shear.stiffness > 0:
+    if free is not None and depth > free:
         return record["status"], f"{here} the straight press is unstable if the tip slides freely: {glued}"
+    if not shear.stiffness > 0:
+        return "unknown", f"{here} the tip pushes along the shear, though no critical depth was found down to there"
     return record["status"], ""
 
 
