@@ -13,7 +13,7 @@ from geometry.design import BadInput, paper
 from studies.calibration import bench_file
 from studies.inputs import table_input, user_input
 from studies.output import bounded_files, own_files, provenance
-from studies.sizing.requirements import read_requirements
+from studies.parts.requirements import read_requirements
 from studies.web import folder_contents, page_content
 
 DEEP = '{"a":' * 100_000

@@ -11,12 +11,12 @@ from analytic.hall import batch_readings
 from analytic.parts import of_design
 from geometry.base import Base, outer_size, plan
 from geometry.mold import Mold, sizes
+from studies.parts.catalogues import catalogues_of
+from studies.parts.requirements import Requirements
 from studies.sizing.beam_curves import pressed_curves, with_shears
 from studies.sizing.candidate_performance import LEAST, performance
 from studies.sizing.candidate_variables import Space, joined
-from studies.sizing.catalogues import catalogues_of
 from studies.sizing.front_solves import scores
-from studies.sizing.requirements import Requirements
 from studies.sizing.sensor_arrays import sensors_of
 from studies.sizing.variant_search import (
     RESOLUTION,

@@ -13,12 +13,13 @@ from fem.equilibrium import solve, trace
 from geometry.design import paper
 from geometry.loads import Load
 from studies.cases import FiniteElements
+from studies.parts.catalogues import catalogues_of
+from studies.parts.requirements import Requirements
 from studies.sensitivity.beam_motions import motions
 from studies.sensitivity.made_sensors import nominal_sensor, share_with_error
 from studies.sizing import front_yield
 from studies.sizing.candidate_performance import FIGURES, LEAST, performance
 from studies.sizing.candidate_variables import Space, joined
-from studies.sizing.catalogues import catalogues_of
 from studies.sizing.front_solves import (
     COMPARED,
     FemBeams,
@@ -29,7 +30,6 @@ from studies.sizing.front_solves import (
     with_solved_loads,
 )
 from studies.sizing.front_yield import check_of, drawn, ranges_of, required_load, yield_of
-from studies.sizing.requirements import Requirements
 from studies.sizing.sensor_arrays import made_sensors_of, sensors_of, sensors_of_variant
 
 PLAIN = Requirements(force_z=5.0)

@@ -47,9 +47,7 @@ def top(node):
     return {node.module.split(".")[0]}
 
 
-STUDIES = (
-    "output inputs mechanics sensing sweeps cases simulation fabrication sensitivity calibration firmware sizing demo"
-)
+STUDIES = "output inputs mechanics sensing sweeps cases simulation fabrication parts sensitivity calibration firmware sizing demo"
 STUDIES = ["deferred_modules", *STUDIES.split(), "web", "streaming", "validation", "cli", "examples"]
 """Sub-packages of `studies`, and its modules, from below: each imports only those below it."""
 

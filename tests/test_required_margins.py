@@ -8,8 +8,8 @@ from fem.accuracy import QUICK
 from fem.equilibrium import solve
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load
+from studies.parts.requirements import Requirements
 from studies.sizing import sizing_export
-from studies.sizing.requirements import Requirements
 from studies.web import required_margins
 
 NEEDED = Requirements(force_z=3.0, force_x=0.6, outer_size=18.0, largest_strain=0.8, bandwidth=100.0)

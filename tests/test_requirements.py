@@ -18,12 +18,12 @@ from studies.cli.design_commands import Wanted
 from studies.firmware import decoder_export
 from studies.inputs.user_input import read_design
 from studies.output.goals import Goal, failures
+from studies.parts.catalogues import catalogues_of, read_catalogue
+from studies.parts.requirements import KINDS, LIMITS, Requirements, read_requirements
 from studies.sizing import sizing_export
 from studies.sizing.candidate_variables import Space, Variant, part_fields
-from studies.sizing.catalogues import catalogues_of, read_catalogue
 from studies.sizing.conflicts import demand, impossible
 from studies.sizing.published_sensors import published_sensors, reached_in
-from studies.sizing.requirements import KINDS, LIMITS, Requirements, read_requirements
 from studies.sizing.variant_search import Effort, sorted_parts
 
 FULL = """

@@ -143,7 +143,7 @@ def test_what_is_impossible_is_said_before_the_search(tmp_path, capsys, monkeypa
 
 
 def test_an_example_has_all_keys_and_is_a_file_of_requirements(tmp_path, capsys):
-    from studies.sizing.requirements import KINDS, read_requirements
+    from studies.parts.requirements import KINDS, read_requirements
 
     assert commands.run(["size", "--example"]) == 0
     text = capsys.readouterr().out

@@ -48,7 +48,7 @@ def cad(call: Call, *, out: Path, fabrication: Fabrication = Fabrication()) -> i
         Output folder.
     """
     from studies.fabrication import design_variants, sensor_parts, sensor_solids
-    from studies.sizing import catalogues
+    from studies.parts import catalogues
 
     design = call.design()
     atomic_files.check_apart(atomic_files.inside(out, sensor_parts.names()), [call.source])
@@ -156,8 +156,8 @@ def catalogue(call: Call, kind: Kind = None, /, *, file: list[Path] | None = Non
         return show(_published(sized), here)
     if sized is not None:
         raise BadInput("--sized goes with published sensors: magtip catalogue published --sized FOLDER")
-    from studies.sizing import catalogues
-    from studies.sizing.requirements import CATALOGUES, Requirements
+    from studies.parts import catalogues
+    from studies.parts.requirements import CATALOGUES, Requirements
 
     # the parts do not depend on what a sensor must reach
     parts = catalogues.catalogues_of(Requirements(force_z=1.0, catalogues=tuple(map(str, file or []))))
@@ -249,8 +249,8 @@ def size(
         Print a file of requirements with all keys, to edit, and do nothing else.
     """
     from studies.output.provenance import versions
+    from studies.parts.requirements import EXAMPLE, read_requirements
     from studies.sizing import sizing_export, sizing_study
-    from studies.sizing.requirements import EXAMPLE, read_requirements
 
     if example:
         print(EXAMPLE, end="")

@@ -24,7 +24,7 @@ from studies.output.result import FAILED, GOOD, Destination, Result, check_files
 
 if TYPE_CHECKING:
     from studies.calibration.sensor_fit import Fit
-    from studies.sizing.requirements import Requirements
+    from studies.parts.requirements import Requirements
     from studies.web.explorer_server import Measuring
 
 Study = Annotated[str | None, Parameter(name="STUDY", help="TOML file of a study; with --axis, a design.")]

@@ -10,7 +10,7 @@ from dataclasses import replace
 from fem.accuracy import QUICK
 from fem.analyses.force_targets import solve_force
 from studies.mechanics.solve_plan import Processes
-from studies.sizing.requirements import Requirements
+from studies.parts.requirements import Requirements
 from studies.sizing.sizing_study import Settings, run
 from studies.sizing.variant_search import Effort
 

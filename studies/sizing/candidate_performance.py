@@ -34,6 +34,7 @@ from geometry.arrays import Array, Ints
 from geometry.base import LEAST_GAP
 from geometry.fabrication.hall_elements import SS495A
 from studies.mechanics import surrogate_range
+from studies.parts.requirements import Requirements
 from studies.sizing.beam_curves import (
     SHEARED_DEPTHS,
     SOLVED_DEPTHS,
@@ -43,7 +44,6 @@ from studies.sizing.beam_curves import (
     pressed_curves,
     with_shears,
 )
-from studies.sizing.requirements import Requirements
 from studies.sizing.sensor_arrays import Sensors
 
 HALF_TURN, WHOLE_TURN = np.radians(45.0 * np.arange(1, -4, -1)), np.radians(45.0 * np.arange(8))

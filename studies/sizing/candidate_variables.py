@@ -27,8 +27,8 @@ from geometry.fabrication.hall_elements import SS495A, WEB
 from geometry.fabrication.printability import PROCESSES
 from geometry.hall_chips import CIRCLES, least_radius
 from studies.mechanics import prediction, surrogate_range
-from studies.sizing.catalogues import Catalogues, HallPartEntry, MagnetEntry, SiliconeEntry
-from studies.sizing.requirements import Requirements
+from studies.parts.catalogues import Catalogues, HallPartEntry, MagnetEntry, SiliconeEntry
+from studies.parts.requirements import Requirements
 
 ROUNDING = 0.1
 """Lengths of a design are whole multiples of this, mm: a finer drawing asks for more than printers hold."""

@@ -22,10 +22,10 @@ from studies.cases import FiniteElements
 from studies.mechanics import surrogate_range
 from studies.output import page_templates
 from studies.output.records import FlatRow
+from studies.parts.catalogues import Catalogues
+from studies.parts.requirements import AT_LEAST, AT_MOST, LIMITS, Requirements
 from studies.sizing.candidate_variables import Space
-from studies.sizing.catalogues import Catalogues
 from studies.sizing.front_solves import FrontPoint, solved_points
-from studies.sizing.requirements import AT_LEAST, AT_MOST, LIMITS, Requirements
 from studies.sizing.variant_search import Effort, Found, Rating, searched, sorted_parts
 
 LEAST_EFFORT = Effort(256, 24)

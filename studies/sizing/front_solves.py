@@ -42,7 +42,7 @@ from studies.sizing.sensor_arrays import sensors_of
 from studies.sizing.variant_search import RESOLUTION, dominated, objectives, spread
 
 if TYPE_CHECKING:
-    from studies.sizing.requirements import Requirements
+    from studies.parts.requirements import Requirements
 
 RATIO_DIGITS = 6
 """Digits of the ratio of densities: equal ratios share a stored solve."""

@@ -43,8 +43,8 @@ from studies.sizing.sensor_arrays import Sensors, made_sensors_of, sensors_of_va
 if TYPE_CHECKING:
     import pandas as pd
 
+    from studies.parts.requirements import Requirements
     from studies.sizing.candidate_variables import Variant
-    from studies.sizing.requirements import Requirements
 
 SENSORS = 1000
 """Number of made sensors, each of a batch of its own."""

@@ -14,9 +14,9 @@ from geometry.base import Base, outer_size, plan
 from geometry.fabrication.hall_elements import SS495A
 from geometry.mold import Mold, sizes
 from studies.mechanics import prediction
+from studies.parts.requirements import Requirements
 from studies.sensitivity.made_sensors import MadeSensors
 from studies.sizing.candidate_variables import Candidates, Variant
-from studies.sizing.requirements import Requirements
 
 ABSENT = 1e9
 """Rails of an element that a sensor has not, in the unit of its output; its noise is infinite."""

@@ -14,8 +14,8 @@ from studies.output.literals import literal, one_line, toml
 from studies.output.records import FlatRow
 
 if TYPE_CHECKING:
+    from studies.parts.requirements import Requirements
     from studies.sizing.candidate_variables import Variant
-    from studies.sizing.requirements import Requirements
 
 DESIGN, PARTS = "winner.toml", "fabrication"
 """Design file of the best variant, and folder of its mould and recipe."""
@@ -43,7 +43,7 @@ def export(variant: Variant, requirements: Requirements, folder: Path, progress:
     from geometry.mold import Mold
     from studies.fabrication.sensor_parts import RECIPE, build
     from studies.fabrication.sensor_solids import FabricationChoices
-    from studies.sizing.catalogues import mix_named, mix_of
+    from studies.parts.catalogues import mix_named, mix_of
 
     process, shape = requirements.process, requirements.outer_shape
     mix = mix_of(variant.silicone)

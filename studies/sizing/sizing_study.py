@@ -24,8 +24,9 @@ from studies.output.atomic_files import write_json
 from studies.output.figures import picture
 from studies.output.records import FlatRow
 from studies.output.result import Block, Result, Table, Writer
+from studies.parts.catalogues import Catalogues, catalogues_of
+from studies.parts.requirements import Requirements
 from studies.sizing import conflicts, front_yield, sizing_figures
-from studies.sizing.catalogues import Catalogues, catalogues_of
 from studies.sizing.conflicts import Conflict
 from studies.sizing.front_solves import (
     NAMED,
@@ -35,7 +36,6 @@ from studies.sizing.front_solves import (
     solved_front,
 )
 from studies.sizing.front_yield import Yield
-from studies.sizing.requirements import Requirements
 from studies.sizing.variant_search import Effort, part_of, searched, whole_front
 
 FILES = ("sizing.json", "front.csv", "yield.csv", "SIZING.md", "front.png", "run.json", "winner.toml")

@@ -28,10 +28,10 @@ from geometry.design import BadInput
 from geometry.messages import Progress
 from studies.mechanics import surrogate_range
 from studies.mechanics.workers import clock_text
+from studies.parts.catalogues import Catalogues
+from studies.parts.requirements import AT_LEAST, Requirements
 from studies.sizing.candidate_performance import LEAST, Performance, missed, performance
 from studies.sizing.candidate_variables import ROUNDING, Candidates, Space, joined
-from studies.sizing.catalogues import Catalogues
-from studies.sizing.requirements import AT_LEAST, Requirements
 from studies.sizing.sensor_arrays import sensors_of
 
 RESOLUTION = 0.005

@@ -37,7 +37,7 @@ from studies.web.page_content import PAGE, page_charts
 
 if TYPE_CHECKING:
     from studies.calibration.sensor_fit import Fit
-    from studies.sizing.requirements import Requirements
+    from studies.parts.requirements import Requirements
 
 INDEX, CONTROLS = "index.html", "fields.json"
 POLICY = (

@@ -30,7 +30,7 @@ from studies.simulation import load_cases
 
 if TYPE_CHECKING:
     from studies.calibration.sensor_fit import Fit
-    from studies.sizing.requirements import Requirements
+    from studies.parts.requirements import Requirements
 
 Side = Literal["a", "b"]
 Level = Literal["quick", "standard"]
@@ -297,8 +297,8 @@ def _needs(name: str) -> Field:
 
 def part_fields(needed: Requirements | None) -> dict[str, dict[str, Field]]:
     """Return the parts in use, else all that are shipped, by control and name, as the fields that each sets."""
-    from studies.sizing.catalogues import catalogues_of
-    from studies.sizing.requirements import Requirements
+    from studies.parts.catalogues import catalogues_of
+    from studies.parts.requirements import Requirements
 
     needed = needed or Requirements(force_z=1.0)
     found = catalogues_of(needed)

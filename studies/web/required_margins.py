@@ -19,11 +19,11 @@ from geometry.loads import Load
 from geometry.messages import Progress
 from studies.inputs import user_input
 from studies.mechanics import surrogate_range, surrogate_response
+from studies.parts.catalogues import catalogues_of
+from studies.parts.requirements import Requirements, read_requirements
 from studies.sizing import candidate_performance, sensor_arrays, variant_search
 from studies.sizing.candidate_performance import Performance
 from studies.sizing.candidate_variables import Variant
-from studies.sizing.catalogues import catalogues_of
-from studies.sizing.requirements import Requirements, read_requirements
 from studies.web.state_answers import number
 from studies.web.time_answers import refusal
 

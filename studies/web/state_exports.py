@@ -178,7 +178,7 @@ async def mold(state: ExplorerState) -> bytes:
 def _mold_archive(task: tuple[Design, str]) -> bytes:
     from studies.fabrication.sensor_parts import build
     from studies.fabrication.sensor_solids import FabricationChoices
-    from studies.sizing.catalogues import mix_named
+    from studies.parts.catalogues import mix_named
 
     design, command = task
     choices = FabricationChoices(silicone=mix_named(None, design.silicone))

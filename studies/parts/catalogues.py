@@ -23,7 +23,7 @@ from geometry.design import HALL_LAYOUTS, LEAST_WALL, BadInput
 from geometry.hall_chips import CHIPS, OWN, HallChip
 from studies.fabrication.sensor_solids import Mix
 from studies.inputs.user_input import check_keys, quantity, toml_table
-from studies.sizing.requirements import CATALOGUES, Requirements
+from studies.parts.requirements import CATALOGUES, Requirements
 
 FILTER = math.pi / 2
 """Bandwidth of white noise over the -3 dB bandwidth of a low pass of first order."""
