@@ -47,8 +47,18 @@ def top(node):
     return {node.module.split(".")[0]}
 
 
-STUDIES = "output inputs mechanics sensing sweeps cases simulation fabrication parts sensitivity calibration firmware sizing demo"
-STUDIES = ["deferred_modules", *STUDIES.split(), "web", "streaming", "validation", "cli", "examples"]
+STUDIES = "output inputs mechanics sensing sweeps cases simulation fabrication parts sensitivity calibration firmware"
+STUDIES = [
+    "deferred_modules",
+    *STUDIES.split(),
+    "sizing",
+    "demo",
+    "web",
+    "streaming",
+    "validation",
+    "cli",
+    "examples",
+]
 """Sub-packages of `studies`, and its modules, from below: each imports only those below it."""
 
 
