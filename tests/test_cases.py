@@ -281,6 +281,17 @@ def test_a_state_is_called_unstable_where_it_or_the_critical_depth_says_so(depth
 
 
 @pytest.mark.parametrize(
+    ("depth", "status", "judged"),
+    [(0.5, "ok", "unknown"), (0.999, "ok", "unknown"), (1.001, "ok", "unknown"), (1.1, "unstable", "unstable")],
+)
+def test_a_critical_depth_of_unknown_error_tells_nothing_from_itself(depth, status, judged):
+    critical = Answer(8.0, 1.0, None, "ok", "", math.nan, 0.0, values={"critical_depth_over_D": 1 / 8})
+    found, message = with_critical(status, critical, Problem(paper(), Load(depth), "rigid", ""))
+    assert found == judged
+    assert "at 1 mm with an unknown error" in message
+
+
+@pytest.mark.parametrize(
     ("load", "judged"),
     [
         (Load(1.1, friction="stick"), "unstable"),

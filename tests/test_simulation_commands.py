@@ -54,6 +54,24 @@ def test_a_glued_tip_that_is_stable_says_what_a_free_one_does():
     assert critical_depths._stability_at(record, 6.0, shear)[0] == "unstable"
 
 
+@pytest.mark.parametrize("depth", [0.999, 1.001])
+@pytest.mark.parametrize(
+    ("tip", "status", "said"),
+    [
+        ("", "ok", "not known whether the press is stable if the tip slides"),
+        ("guided_", "unknown", "even with a guided"),
+    ],
+)
+def test_near_a_critical_depth_of_unknown_error_nothing_is_known(tip, depth, status, said):
+    record = {"status": "ok", "critical_depth_mm": None, "critical_depth_error_estimate": None}
+    record |= {"guided_critical_depth_mm": None, "guided_critical_depth_error_estimate": None}
+    record |= {"guided_stable_to_mm": 5.0, f"{tip}critical_depth_mm": 1.0}
+    shear = small_shear.SmallShear(1e-3, 0.5, 0.1, 1.0, 1.0, stability=STABLE)
+    found, message = critical_depths._stability_at(record, depth, shear)
+    assert found == status
+    assert said in message
+
+
 def test_modes_are_named_and_judged(run, strict):
     status, out, _ = run("modes", "paper", "--count", 4, "--accuracy", "quick", "--json")
     assert status == 0

@@ -225,6 +225,15 @@ def test_where_the_beam_gives_way_no_error_along_the_shear_is_stated():
     assert "the beam gave way" in gone["message"]
 
 
+def test_whether_a_beam_gave_way_is_unknown_where_the_error_of_its_force_is(monkeypatch):
+    monkeypatch.setattr("fem.results.error_estimates.error_rule", lambda *_: None)
+    rough = (FemModel("rough", replace(QUICK, section_size=0.25, section_patch=0.03, harmonics=1)),)
+    (row,) = run(BARE, {"depth": [0.2]}, {"shear": 0.4}, fem=rough, magnet="ignored", **SIDE)
+    assert math.isnan(row["sideways_error_estimate"])
+    assert (row["status"], row["error_status"]) == ("ok", "unknown")
+    assert "so is whether the beam gave way" in row["message"]
+
+
 def test_a_sheared_path_solves_only_the_missing_shears(traced, kept):
     first = run(paper(), {"shear": [0.2, 0.4]}, {"depth": 0.5}, **SIDE, kept=kept)
     again = run(paper(), {"shear": [0.4, 0.0, 0.6]}, {"depth": 0.5}, **SIDE, kept=kept)

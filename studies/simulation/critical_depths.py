@@ -139,11 +139,13 @@ def _small_shear(depth: float, shear: SmallShear | None) -> FlatRow:
 
 
 def _stability_at(record: FlatRow, depth: float, shear: SmallShear) -> tuple[str, str]:
-    """Return status and message of a small shear: the search for the guided critical depth and the shear judge it."""
+    """Return status and message of a small shear: the search for the guided critical depth and the shear judge it.
+
+    Within the estimated error of a critical depth nothing is known, and of an unknown error at no depth.
+    """
     names = ("critical_depth_mm", "guided_critical_depth_mm", "guided_stable_to_mm")
     free, guided, limit = (record[name] for name in names)
-    error = record["guided_critical_depth_error_estimate"] or 0.0
-    near = guided is not None and abs(depth / guided - 1) <= error
+    near = _is_near(depth, guided, record["guided_critical_depth_error_estimate"])
     here, glued = f"at depth {depth:g} mm", "stiffness, shift and tilt hold for a tip that sticks to the plate"
     if shear.status == "unstable" or (guided is not None and depth > guided and not near):
         return "unstable", f"{here} the straight press is unstable even with a guided tip"
@@ -152,15 +154,19 @@ def _stability_at(record: FlatRow, depth: float, shear: SmallShear) -> tuple[str
     if depth > limit:
         return "unknown", f"{here} stability is unknown: the search ended at {limit:.4g} mm"
     # glued to a plate that does not move, the press is stable, also where a moved plate meets no resistance
-    if free is not None and abs(depth / free - 1) <= (record["critical_depth_error_estimate"] or 0.0):
-        return record[
-            "status"
-        ], f"{here} it is not known whether the press is stable if the tip slides freely: {glued}"
+    if _is_near(depth, free, record["critical_depth_error_estimate"]):
+        doubt = f"{here} it is not known whether the press is stable if the tip slides freely: {glued}"
+        return record["status"], doubt
     if free is not None and depth > free:
         return record["status"], f"{here} the straight press is unstable if the tip slides freely: {glued}"
     if not shear.stiffness > 0:
         return "unknown", f"{here} the tip pushes along the shear, though no critical depth was found down to there"
     return record["status"], ""
+
+
+def _is_near(depth: float, critical: float | None, error: float | None) -> bool:
+    """Return whether a depth cannot be told from a critical one; an unknown error has no bound."""
+    return critical is not None and (error is None or abs(depth / critical - 1) <= error)
 
 
 def over_slenderness(

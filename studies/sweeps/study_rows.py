@@ -4,7 +4,7 @@ Everything is computed for a batch of cases at once: responses for each distinct
 case; readings for all cases in one call (`analytic.hall.batch_readings`). Errors are those of a model against the
 reference, the last finite-element model of the study, in % of the case's own value. Where the reference's force along
 a shear is not positive, or within its own error of 0, the beam gave way: no error along the shear is stated, and
-`error_status` is `gave_way`, as in `studies.validation.assumption`.
+`error_status` is `gave_way`, as in `studies.validation.assumption`. It is `unknown` where that error is.
 
 Columns of a model begin with `fem_` or `analytic_`; if a study has several models of a kind, with their names too:
 `fem_quick_`, `analytic_finite_`.
@@ -61,7 +61,11 @@ OF_STATES = {
 """Quantities that stored states say beside their response: names of values and of their columns, and factors."""
 SIDEWAYS = ("force_x_N", "force_y_N", "shift_x_mm", "shift_y_mm", "tilt_rad", "tilt_y_rad")
 """Columns whose errors are not stated where the beam gave way."""
-GAVE_WAY = "the beam gave way: its force does not oppose the shear, and no error along the shear is stated"
+RESISTS = {
+    "gave_way": "the beam gave way: its force does not oppose the shear, and no error along the shear is stated",
+    "unknown": "the error of the force along the shear is unknown, and so is whether the beam gave way",
+}
+"""Messages of `error_status`."""
 LAST = ("status", "message")
 """Last columns of a table."""
 POSE = ("shift_x_mm", "shift_y_mm", "shift_z_mm", "tilt_rad", "tilt_y_rad")
@@ -166,8 +170,8 @@ class Rows:
             states[level] = [self._formula(level, *each) for each in zip(batch.codes, batch.problems, strict=True)]
         results = {name: spread(batch, [answer.response for answer in each]) for name, each in states.items()}
         table = self._axis_columns(batch)
-        gave_way = np.array([self._gives_way(states, k, p) for k, p in enumerate(batch.problems)], dtype=bool)
-        table |= self._mechanics(results, gave_way[batch.problem])
+        resists = _texts(batch, [self._resists(states, k, problem) for k, problem in enumerate(batch.problems)])
+        table |= self._mechanics(results, resists == "gave_way")
         for value, column, factor in itertools.chain(*(OF_STATES.get(name, ()) for name in plan.quantities)):
             for name, answers in solved.states.items():
                 found = _of_answers(batch, [answer.values.get(value) for answer in answers])
@@ -183,19 +187,23 @@ class Rows:
         table |= self._estimates(batch, solved) | self._verdict(batch, solved, states)
         if self.plan.truth and self.plan.loads_sideways and len(results) > 1:
             answered = np.isfinite(results[self.plan.truth]["force_N"])
-            table["error_status"] = np.where(answered, np.where(gave_way[batch.problem], "gave_way", "ok"), "")
-            for row in np.flatnonzero(answered & gave_way[batch.problem]).tolist():
-                table["message"][row] = "; ".join(filter(None, (table["message"][row], GAVE_WAY)))
+            table["error_status"] = np.where(answered, resists, "").astype(object)
+            for row in np.flatnonzero(answered & (resists != "ok")).tolist():
+                table["message"][row] = "; ".join(filter(None, (table["message"][row], RESISTS[resists[row]])))
         return {name: table[name] for name in (*(n for n in table if n not in LAST), *LAST)}
 
-    def _gives_way(self, states: Mapping[str, Sequence[Answer]], k: int, problem: Problem) -> bool:
-        """Return whether the reference's force along a shear is not known to oppose it."""
-        if not self.plan.truth or problem.load is None or not problem.load.shears_tip:
-            return False
-        answer = states[self.plan.truth][k]
-        if answer.response is None:
-            return False
-        return not along_shear(problem.load, answer.response) * (1 - (answer.estimates.get("sideways") or 0.0)) > 0
+    def _resists(self, states: Mapping[str, Sequence[Answer]], k: int, problem: Problem) -> str:
+        """Return `gave_way` where the reference's force along a shear is not known to oppose it, `unknown` where its
+        error is, else `ok`."""
+        answer = states[self.plan.truth][k] if self.plan.truth else None
+        if answer is None or answer.response is None or problem.load is None or not problem.load.shears_tip:
+            return "ok"
+        # a formula says exactly what it says
+        error = 0.0 if self.plan.truth in self.plan.formulas else answer.estimates.get("sideways")
+        along = along_shear(problem.load, answer.response)
+        if not along > 0:
+            return "gave_way"
+        return "unknown" if error is None or math.isnan(error) else "ok" if error < 1 else "gave_way"
 
     def _axis_columns(self, batch: Batch) -> Columns:
         base, n = self.plan.design, len(batch)
@@ -412,7 +420,8 @@ def with_critical(status: str, critical: Answer, problem: Problem) -> tuple[str,
     """Return the status of a press beside its critical depth, and what the one says of the other.
 
     The mesh of the critical depth is finer where the contact ends: it is the closer one, but a state that one of the
-    two calls unstable is not called stable. Within the estimated error of the critical depth the status is unknown.
+    two calls unstable is not called stable. Within the estimated error of the critical depth the status is unknown; an
+    error that is unknown has no bound, so that every depth is within it.
     """
     if problem.design is None or problem.load is None or critical_verdict(critical) == "unknown":
         return status, ""
@@ -424,9 +433,10 @@ def with_critical(status: str, critical: Answer, problem: Problem) -> tuple[str,
     presses = load.depth > 0 and replace(load, friction="none") == Load(load.depth) and load.coulomb is None
     if not presses or status not in ANSWERED:
         return status, ""
-    at, error = depth * D, 0.0 if math.isnan(critical.error_estimate) else critical.error_estimate
-    if abs(load.depth / at - 1) <= error:
-        where = f"the press buckles sideways at {at:.4g} mm +- {100 * error:.2g} %, now it is {load.depth:g} mm deep"
+    at, error = depth * D, critical.error_estimate
+    if not abs(load.depth / at - 1) > error:
+        off = "with an unknown error" if math.isnan(error) else f"+- {100 * error:.2g} %"
+        where = f"the press buckles sideways at {at:.4g} mm {off}, now it is {load.depth:g} mm deep"
         return "unstable" if status == "unstable" else "unknown", where
     if load.depth > at:
         said = f"the press buckles sideways at {at:.4g} mm, now it is {load.depth:g} mm deep"
