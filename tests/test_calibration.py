@@ -27,7 +27,7 @@ from studies.firmware import decoder_export
 from studies.firmware.decoder_export import STATUSES
 from studies.inputs.option_groups import Pose, Reading, Streaming
 from studies.inputs.user_input import design_text
-from studies.sensitivity.made_sensors import tolerances
+from studies.parts.part_tolerances import tolerances
 from studies.streaming import live_stream, ros2_package
 from studies.validation import calibration_check, firmware_check
 from studies.web.explorer_answers import Answers

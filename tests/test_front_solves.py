@@ -14,6 +14,7 @@ from geometry.design import paper
 from geometry.loads import Load
 from studies.cases import FiniteElements
 from studies.parts.catalogues import catalogues_of
+from studies.parts.part_tolerances import batches_of
 from studies.parts.requirements import Requirements
 from studies.sensitivity.beam_motions import motions
 from studies.sensitivity.made_sensors import nominal_sensor, share_with_error
@@ -29,7 +30,7 @@ from studies.sizing.front_solves import (
     to_solve,
     with_solved_loads,
 )
-from studies.sizing.front_yield import check_of, drawn, ranges_of, required_load, yield_of
+from studies.sizing.front_yield import check_of, drawn, required_load, yield_of
 from studies.sizing.sensor_arrays import made_sensors_of, sensors_of, sensors_of_variant
 
 PLAIN = Requirements(force_z=5.0)
@@ -294,7 +295,7 @@ def test_sensor_without_deviations_reads_as_designed():
 @pytest.mark.parametrize("name", ["E", "nu", "remanence"])
 def test_draws_fill_the_range_of_the_catalogue_and_no_more(name):
     """Half of the sensors lie on each side of the typical value, which is in the middle of no range."""
-    low, high = ranges_of(MADE)[name]
+    low, high = batches_of(MADE.design)[name]
     values = drawn(MADE, 1000, 0)[0].fields[name][:1000]
     assert low <= values.min() < low + 0.1 * (high - low)
     assert high - 0.1 * (high - low) < values.max() <= high
@@ -315,7 +316,7 @@ def test_sensors_of_a_batch_are_alike_and_batches_differ():
     assert within(table[500:], batch)["E"] < 0.1
     assert within(table[500:], batch)["gain"] > 0.8
     assert batches["at_the_ends"].sum() == 4
-    low, high = ranges_of(MADE)["E"]
+    low, high = batches_of(MADE.design)["E"]
     ends = batches[batches["at_the_ends"]]["E_MPa"]
     assert low < ends.min() < low + 0.15 * (high - low)
     assert high - 0.15 * (high - low) < ends.max() < high

@@ -15,18 +15,18 @@ from fem.accuracy import QUICK
 from fem.equilibrium import trace
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load
+from studies.inputs.user_input import read_design
+from studies.parts.part_tolerances import SPECS, batches_of, parse_tolerances, tolerances, tolerances_of
 from studies.sensing import decode_readings
 from studies.sensitivity import decode_tolerances
 from studies.sensitivity.beam_motions import Press
 from studies.sensitivity.calibration import curves, percentile, refusals_of, spread_of
 from studies.sensitivity.made_sensors import (
-    SPECS,
     made_readings,
     made_sensors,
     nominal_sensor,
-    parse_tolerances,
     share_with_error,
-    tolerances,
+    sold_sensors,
 )
 
 
@@ -51,6 +51,26 @@ def test_every_tolerance_names_unit_distribution_and_source():
 def test_impossible_tolerances_are_refused(text, message):
     with pytest.raises(BadInput, match=message.replace("(", r"\(")):
         parse_tolerances([text])
+
+
+def test_tolerances_of_a_winner_are_those_of_its_parts_process_and_file(toml):
+    file = toml('silicone = "Smooth-Sil 950"\nE = 2.46\nremanence = 1.45\nhall_low = 0.3\nhall_high = 4.7\n'
+                '[fabrication]\nprocess = "sla"\n[tolerances]\nmagnet_x = 0.3\n')  # fmt: skip
+    design = read_design(file, [])
+    found, usual = parse_tolerances(["magnet_tilt=1"], design, file), tolerances()
+    assert found["E"] == pytest.approx(100 * (3.21 / 2.46 - 1))  # 1.88 to 3.21 MPa
+    assert found["remanence"] == pytest.approx(100 * 0.03 / 1.45)  # N52: 1.42 to 1.48 T
+    assert (found["magnet_diameter"], found["hall_gain"]) == (0.1, 5.0)  # 4x2 N52, A1325
+    assert (found["hall_x"], usual["hall_x"], found["hall_z"]) == (0.05, 0.1, usual["hall_z"])
+    assert (found["magnet_x"], found["magnet_tilt"]) == (0.3, 1.0)
+    # without a name nothing is known of the parts
+    unnamed = dataclasses.replace(design, silicone="")
+    assert tolerances_of(unnamed) == usual
+    assert sold_sensors(unnamed, 200).fields["E"].max() <= 1.1 * 2.46
+    E = sold_sensors(design, 200).fields["E"]
+    low, high = batches_of(design)["E"]
+    assert low == 1.88 < E.min() < 1.95
+    assert 3.1 < E.max() < high == 3.21
 
 
 NONE = dict.fromkeys(SPECS, 0.0)

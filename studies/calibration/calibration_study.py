@@ -30,8 +30,8 @@ from studies.output import page_templates
 from studies.output.atomic_files import write_text
 from studies.output.figures import Figure, Guide, Look, plot, save
 from studies.output.result import Result, Rows, Table
+from studies.parts.part_tolerances import Tolerances
 from studies.sensing.decode_readings import of_file
-from studies.sensitivity.made_sensors import parse_tolerances
 
 if TYPE_CHECKING:
     from studies.output.records import FlatRow
@@ -468,8 +468,10 @@ def advice(found: Fit) -> str:
 # The study
 
 
-def run(design: Design, files: Sequence[Path], options: Calibrating, progress: Progress) -> Result:
+def run(design: Design, made: Tolerances, files: Sequence[Path], options: Calibrating, progress: Progress) -> Result:
     """Calibrate a sensor from files that a test stand recorded.
+
+    made : tolerances of the sensor, from which the priors follow.
 
     Raises
     ------
@@ -484,7 +486,6 @@ def run(design: Design, files: Sequence[Path], options: Calibrating, progress: P
     fixed = pairs("--fix", options.fix or [], "remanence=1")
     values = {name: parse_numbers(f"--fix {name}", text)[0] for name, text in fixed.items()}
     bench = bench_file.read(files, design, pairs("--column", options.columns or [], "S1=X0"), options.force_sign)
-    made = parse_tolerances(options.tolerances or [], design)
     progress(0.0, "mechanics")
     law, source, error = mechanics_of(design, options.responses)
     un = sensor_fit.unknowns_of(design, bench, made, freed=options.free or [], fixed=values, model_error=error)

@@ -14,7 +14,7 @@ argument the other way. What the made sensor's law, nu and sizes change in the m
 stiffening h with the depth, a factor f of the forces sideways, and a factor of the lean tau.
 
 All unknowns have normal priors about the nominal sensor, whose standard
-deviations follow from tolerances (`studies.sensitivity.made_sensors`): half of the largest deviation of a normal
+deviations follow from tolerances (`studies.parts.part_tolerances`): half of the largest deviation of a normal
 one, 1/sqrt(3) of that of a uniform one.
 
 What is measured has independent normal errors of known size. Gauss-Newton steps minimise the squared errors over
@@ -46,7 +46,8 @@ from analytic.inverse.response_surface import Mechanics, force_and_load, workspa
 from geometry.arrays import Array, Ints
 from geometry.design import BadInput, Design
 from studies.calibration.bench_file import FORCES, MOTIONS, Bench
-from studies.sensitivity.made_sensors import CUT, SPECS, MadeSensors, Tolerances, made_readings
+from studies.parts.part_tolerances import Tolerances, standard_deviation
+from studies.sensitivity.made_sensors import MadeSensors, made_readings
 
 STEPS, LARGEST_STEP, SETTLED = 40, 0.05, 1e-7
 """Most Gauss-Newton steps; longest change of a shift in one, over D; relative fall of the sum at which they end."""
@@ -131,7 +132,7 @@ def unknowns_of(
     part, unit = ("hall", "V") if design.hall_layout == "three" else ("chip", "T")
 
     def sigma(name: str) -> float:  # in percent where the tolerance is
-        return made[name] * (1 / math.sqrt(3) if SPECS[name]["shape"] == "uniform" else 1 / CUT)
+        return standard_deviation(name, made[name])
 
     rows = [
         ("modulus", "1", 1.0, math.hypot(sigma("E") / 100, model_error)),

@@ -20,7 +20,8 @@ from fem.equilibrium import trace
 from geometry.arrays import Array
 from geometry.design import paper
 from geometry.loads import Load
-from studies.sensitivity.made_sensors import MadeSensors, made_readings, made_sensors, tolerances
+from studies.parts.part_tolerances import tolerances
+from studies.sensitivity.made_sensors import MadeSensors, made_readings, made_sensors
 
 if TYPE_CHECKING:
     import pandas as pd

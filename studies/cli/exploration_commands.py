@@ -99,12 +99,13 @@ def sensitivity(
     Sobol indices come from a fast model, Morris' effects from finite elements, whose solved states are kept: an
     interrupted study continues. A Monte Carlo of tolerances predicts the spread of the calibration of made sensors.
     """
-    from studies.sensitivity import made_sensors, sensitivity_study
+    from studies.parts import part_tolerances
+    from studies.sensitivity import sensitivity_study
     from studies.sensitivity.beam_motions import Press
 
     here = call.here(sensitivity_study.FILES)
     design = call.design()
-    sizes = made_sensors.parse_tolerances(options.tolerances or [], design)
+    sizes = part_tolerances.parse_tolerances(options.tolerances or [], design, call.source)
     chosen = tuple(dict.fromkeys(part.strip() for part in options.methods.split(",")))
     request = sensitivity_study.Request(
         design=design,
@@ -112,6 +113,7 @@ def sensitivity(
         load=Press(options.depth, options.shear),
         methods=chosen,
         tolerances=sizes,
+        parts=part_tolerances.parts_of_file(design, call.source),
         model=options.model,
         accuracy=options.accuracy,
         points=options.count,

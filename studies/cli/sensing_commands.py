@@ -126,12 +126,14 @@ def calibrate(
         Folder for calibration.json, which `decode --calibration` reads, design.toml, CALIBRATION.md, tables, picture.
     """
     from studies.calibration import calibration_study, magnet_scan
+    from studies.parts.part_tolerances import parse_tolerances
 
     names = magnet_scan.FILES if options.scan else calibration_study.FILES
     here = call.here(names, [*bench, options.responses])
     design = call.design()
     if not options.scan:
-        return publish(partial(calibration_study.run, design, bench, options), here)
+        made = parse_tolerances(options.tolerances or [], design, call.source)
+        return publish(partial(calibration_study.run, design, made, bench, options), here)
     if len(bench) > 1 or options != option_groups.Calibrating(scan=True):
         raise BadInput("--scan takes one file and no options of presses: leave the others out")
     return publish(partial(magnet_scan.run, design, bench[0]), here)
@@ -155,9 +157,9 @@ def decode(
     mcap
         MCAP file for the forces and flux densities of a --file with times, as messages of ROS 2; see magtip stream.
     """
+    from studies.parts.part_tolerances import parse_tolerances
     from studies.sensing import decode_readings
     from studies.sensitivity import decode_tolerances
-    from studies.sensitivity.made_sensors import parse_tolerances
 
     readings, file, here = decoding.readings, decoding.file, call.screen
     if (readings is None) == (file is None):
@@ -178,7 +180,7 @@ def decode(
 
         with atomic_files.sole_writer(call.out):
             return show(calibration_file.decode(design, decoding, call.out, as_json=call.as_json), here)
-    made = parse_tolerances(decoding.tolerances or [], design)
+    made = parse_tolerances(decoding.tolerances or [], design, call.source)
     coder = decode_readings.prepare(design, decoding)
     if readings is not None:
         answer, field, found = decode_readings.decode_text(coder, readings, decoding)
@@ -281,7 +283,7 @@ def firmware(
         Also write a ROS 2 package, ros2/magtip_sensor, whose node publishes what magtip stream decodes.
     """
     from studies.firmware import decoder_export
-    from studies.sensitivity.made_sensors import parse_tolerances
+    from studies.parts.part_tolerances import parse_tolerances
     from studies.streaming import ros2_package
 
     inputs = [responses, calibration]
@@ -290,7 +292,7 @@ def firmware(
         raise BadInput("--calibration gives mechanics and sensor: leave --level, --responses and --tolerance out")
     decoder_export.bytes_of(flash)
     design = call.design()
-    made = parse_tolerances(tolerances or [], design)
+    made = parse_tolerances(tolerances or [], design, call.source)
     more = ros2_package.files(design, calibration) if ros2 else {}
     study = partial(decoder_export.run, design, level, responses, flash, made, calibration, here.command, more)
     return publish(study, here)

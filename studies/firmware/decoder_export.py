@@ -37,9 +37,9 @@ from studies.inputs.user_input import design_text
 from studies.output import page_templates
 from studies.output.atomic_files import write_text
 from studies.output.result import Result, Table, Writer
+from studies.parts.part_tolerances import Tolerances, tolerances
 from studies.sensing import decode_readings
 from studies.sensitivity import decode_tolerances
-from studies.sensitivity.made_sensors import Tolerances, tolerances
 
 if TYPE_CHECKING:
     from analytic.decode import Status

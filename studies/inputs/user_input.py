@@ -99,18 +99,24 @@ def pairs(option: str, texts: Sequence[str], example: str) -> dict[str, str]:
     return values
 
 
-BESIDE = {"fabrication": {"process": str, "base": dict, "mold": dict}, "requirements": dict}
-"""Tables of a design file beside its fields, and their keys: how the sensor is made, and what was required of it."""
+BESIDE = {"fabrication": {"process": str, "base": dict, "mold": dict}, "requirements": dict, "tolerances": dict}
+"""Tables of a design file beside its fields, and their keys: how the sensor is made, what was required of it, and how
+far its parts may lie from it."""
 
 
 def fabrication_of(source: str) -> dict[str, Any]:
     """Return the table [fabrication] of a design file: process, and settings of base and mould; else nothing."""
-    table = {} if source in PRESETS else toml_table(source, "preset or file").get("fabrication", {})
     kinds: Any = BESIDE["fabrication"]
+    return table_beside(source, "fabrication", kinds)
+
+
+def table_beside(source: str, name: str, kinds: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a table of a design file beside its fields, with keys of these kinds; nothing if it has none."""
+    table = {} if source in PRESETS else toml_table(source, "preset or file").get(name, {})
     if not isinstance(table, dict):
-        raise BadInput(f"{source}: fabrication must be a table: write [fabrication]")
-    check_keys(f"{source}: fabrication", table, kinds)
-    return validated(f"{source}: fabrication", table, kinds)
+        raise BadInput(f"{source}: {name} must be a table: write [{name}]")
+    check_keys(f"{source}: {name}", table, kinds)
+    return validated(f"{source}: {name}", table, kinds)
 
 
 def preset_or_file(source: str) -> tuple[str, dict[str, Value]]:

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import csv
 import dataclasses
+import functools
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -19,7 +20,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from geometry.bad_input import nearest, words
-from geometry.design import HALL_LAYOUTS, LEAST_WALL, BadInput
+from geometry.design import HALL_LAYOUTS, LEAST_WALL, BadInput, Design
 from geometry.hall_chips import CHIPS, OWN, HallChip
 from studies.fabrication.sensor_solids import Mix
 from studies.inputs.user_input import check_keys, quantity, toml_table
@@ -108,6 +109,13 @@ class HallPartEntry:
             # the noise that a user has measured replaces that of the data sheet
             values["noise"] = self.noise
         return {"hall_layout": self.layout, **{f"chip_{name}": value for name, value in values.items()}}
+
+    def is_of(self, design: Design) -> bool:
+        """Whether a design has such elements: a chip of this layout, or one-axis parts with these figures."""
+        if self.layout == OWN or self.layout != design.hall_layout:
+            return False
+        names = ("gain", "null", "low", "high", "plate") if self.layout == "three" else ()
+        return all(math.isclose(getattr(self, name), getattr(design, f"hall_{name}")) for name in names)
 
     @property
     def unusable(self) -> str:
@@ -448,6 +456,16 @@ def catalogues_of(requirements: Requirements) -> Catalogues:
         _in_use("silicones", silicones, requirements),
         tuple(hall_parts[name] for name in unusable),
     )
+
+
+@functools.cache
+def shipped_parts() -> tuple[tuple[MagnetEntry, ...], tuple[HallPartEntry, ...], tuple[SiliconeEntry, ...]]:
+    """Return all magnets, Hall parts and silicones of the shipped catalogues."""
+    ours = {kind: read_catalogue(str(FOLDER / f"{kind}.toml")) for kind in CATALOGUES}
+    magnets = _magnets("magnets.toml", ours["magnets"]["magnets"], ours["magnets"]["grades"])
+    chips = (_of_chip(chip, layout) for layout, chip in CHIPS.items())
+    hall_parts = (*ours["hall_parts"]["hall_parts"].values(), *chips)
+    return tuple(magnets.values()), hall_parts, tuple(ours["silicones"]["silicones"].values())
 
 
 def mix_named(option: str | None, of_design: str = "") -> Mix | None:

@@ -28,15 +28,9 @@ from analytic.decode import Status, decode
 from analytic.parts import common_values
 from geometry.design import BadInput
 from studies.output import page_templates
+from studies.parts.part_tolerances import Tolerances, tolerances
 from studies.sensing.decode_readings import WHY
-from studies.sensitivity.made_sensors import (
-    MadeSensors,
-    Tolerances,
-    made_readings,
-    made_sensors,
-    nominal_sensor,
-    tolerances,
-)
+from studies.sensitivity.made_sensors import MadeSensors, made_readings, made_sensors, nominal_sensor
 
 if TYPE_CHECKING:
     from analytic.decode import Decoded, Decoder

@@ -1,7 +1,6 @@
 """Made sensors: designs that deviate from a nominal one within tolerances, drawn with a seed, and their readings.
 
-A tolerance T is the largest deviation. A "uniform" deviation has equal density from -T to T. A "normal" deviation has
-the standard deviation T/2 before it is cut off at -T and T, as if parts outside were sorted out.
+Their deviations are those of `studies.parts.part_tolerances`.
 
 Each sensor is an independent draw, so that a share of them has a binomial sampling error. The casting moves the
 magnet in the silicone and the assembly moves the elements. These deviations change the readings. Their effect on the
@@ -15,12 +14,10 @@ which sense its reading changes.
 
 from __future__ import annotations
 
-import csv
 import dataclasses
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -30,65 +27,21 @@ from analytic.hall import BatchReadings, batch_readings, converted, rotated
 from analytic.parts import common_values
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
-from studies.inputs.table_input import number
-from studies.inputs.user_input import check_keys, pairs
+from studies.parts.part_tolerances import (
+    CUT,
+    SPECS,
+    Parts,
+    Tolerances,
+    batches_of,
+    of_batch,
+    tolerances,
+    tolerances_of,
+)
 
-Tolerances = Mapping[str, float]
-"""Largest deviations of a made sensor from its design by name; 0 for a value that does not vary."""
-with Path(__file__).with_name("tolerances.csv").open(encoding="utf-8", newline="") as _file:
-    SPECS = {row["name"]: row for row in csv.DictReader(_file)}
-"""Default, unit, distribution, number of independent deviations (about two axes, or of each element), meaning and
-source of each tolerance. `assumed` where no data sheet or measurement gives the default. A tolerance in percent is
-relative to the design's value."""
-CUT = 2.0
-"""Number of standard deviations at which a normal deviation is cut off: 4.6 % of parts are sorted out."""
 OF_CHIPS = ("chip_gain", "chip_null")
 """Tolerances of each axis of each chip."""
-MOST = {"percent": 90.0, "mm": 100.0, "deg": 45.0}
-"""Largest tolerances, by unit, else 1: a deviation of 100 % would allow a value of 0, of which there is no sensor."""
 MOST_SENSORS = 1_000_000
 """Largest number of made sensors; more are taken for a mistake."""
-
-
-def tolerances(**given: float) -> dict[str, float]:
-    """Return all tolerances; those that are not given have their defaults.
-
-    >>> tolerances(E=-1)
-    Traceback (most recent call last):
-        ...
-    geometry.bad_input.BadInput: tolerance E must be a number of percent from 0 to 90; got -1
-    """
-    for name, value in given.items():
-        unit = SPECS[name]["unit"]
-        if not 0 <= value <= MOST.get(unit, 1.0):
-            what = {"percent": "a number of percent", "1": "a number"}.get(unit, f"a number of {unit}")
-            raise BadInput(f"tolerance {name} must be {what} from 0 to {MOST.get(unit, 1.0):g}; got {value:g}")
-    return {name: float(spec["default"]) for name, spec in SPECS.items()} | given
-
-
-def of_data_sheet(design: Design) -> dict[str, float]:
-    """Return the tolerances of gain and offset that the data sheet of a design's chip states."""
-    if design.hall_layout == "three":
-        return {}
-    gain, null = design.chip.gain_tolerance, design.chip.offset
-    return ({} if gain is None else {"chip_gain": 100 * gain}) | ({} if null is None else {"chip_null": null})
-
-
-def parse_tolerances(texts: Sequence[str], design: Design = Design()) -> dict[str, float]:
-    """Return the tolerances of texts NAME=VALUE; the others are those of the design's chip, or have their defaults.
-
-    >>> parse_tolerances(["E=5"])["E"], parse_tolerances([], Design(hall_layout="tmag5170a1"))["chip_gain"]
-    (5.0, 2.6)
-    """
-    given = pairs("--tolerance", texts, "chip_null=2")
-    check_keys("--tolerance", given, SPECS)
-    values = {}
-    for name, text in given.items():
-        value = number(text)
-        if value is None or not math.isfinite(value):
-            raise BadInput(f"tolerance {name} must be a finite number; got {repr(text) if value is None else text}")
-        values[name] = value
-    return tolerances(**of_data_sheet(design) | values)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -150,8 +103,8 @@ def made_sensors(
     deviation = {name: sizes[name] * values for name, values in unit.items()}
     fields = {
         **{name: getattr(design, name) * (1 + deviation[name] / 100) for name in ("E", "remanence")},
-        # the rounding error of 0.4998 + 0.0002 must not make a Poisson's ratio above 0.5, nor may the tolerance
-        "nu": np.clip(design.nu + deviation["nu"], 0.0, 0.5),
+        # no silicone has more than 0.5: a deviation beyond it counts to the other side
+        "nu": np.clip(0.5 - np.abs(design.nu + deviation["nu"] - 0.5), 0.0, 0.5),
         **{name: getattr(design, name) + deviation[name] for name in ("magnet_diameter", "magnet_height")},
         **{name: of_parts(unit[name]) for name, of_parts in batches.items()},
     }
@@ -171,6 +124,19 @@ def made_sensors(
         gain_factor=1 + deviation["chip_gain" if chip else "hall_gain"] / 100,
         null_shift=deviation["chip_null" if chip else "hall_null"],
     )
+
+
+def sold_sensors(design: Design, count: int = 1, seed: int = 0, parts: Parts | None = None) -> MadeSensors:
+    """Draw made sensors whose silicones and magnets lie anywhere in the ranges of what is sold.
+
+    parts : default: those of the shipped catalogues that the design is made of.
+    """
+    shares = np.random.default_rng([seed, count]).random((3, count))
+    batches = {
+        name: lambda _, k=k, name=name, low=low, high=high: of_batch(low, getattr(design, name), high, shares[k])
+        for k, (name, (low, high)) in enumerate(batches_of(design, parts).items())
+    }
+    return made_sensors(design, tolerances_of(design, parts), count, seed, batches=batches)
 
 
 def check_draw(design: Design, count: int, seed: int) -> None:

@@ -32,12 +32,13 @@ from studies.output.figures import picture
 from studies.output.records import FlatRow
 from studies.output.result import Result, Table
 from studies.output.text_tables import heading, titled
+from studies.parts.part_tolerances import SPECS, Parts, Tolerances, sources_of, tolerances
 from studies.sensing.field_readings import columns as element_columns
 from studies.sensitivity import beam_motions, global_sensitivity, made_sensors, uncertainty_figures
 from studies.sensitivity.beam_motions import MODELS, Press, sampled_outputs
 from studies.sensitivity.calibration import AxisSpread, percentile, refusals_of, spread_of
 from studies.sensitivity.global_sensitivity import Ranges
-from studies.sensitivity.made_sensors import MadeSensors, Tolerances, of_data_sheet, tolerances
+from studies.sensitivity.made_sensors import MadeSensors
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -69,6 +70,7 @@ class Request:
     load: Press
     methods: Sequence[str] = ("sobol", "montecarlo")
     tolerances: Tolerances = dataclasses.field(default_factory=tolerances)
+    parts: Parts | None = None
     model: str = beam_motions.SURROGATE
     accuracy: AccuracyName = "standard"
     points: int = 1024
@@ -404,13 +406,13 @@ def page(request: Request, found: Mapping[str, Found]) -> str:
 
 def _effective_tolerances(request: Request) -> list[FlatRow]:
     unused = "hall" if request.design.hall_layout != "three" else "chip"
-    units, rows, read = {"1": "", "percent": "%"}, [], of_data_sheet(request.design)
-    for name, spec in made_sensors.SPECS.items():
+    units, rows, read = {"1": "", "percent": "%"}, [], sources_of(request.design, request.parts)
+    for name, spec in SPECS.items():
         if name in (f"{unused}_gain", f"{unused}_null"):
             continue
-        value, usual = request.tolerances[name], read.get(name, float(spec["default"]))
         assumed = "assumed: " if spec["assumed"] else ""
-        source = request.design.chip.source if name in read else f"{assumed}{spec['source']}"
+        usual, source = read.get(name, (float(spec["default"]), f"{assumed}{spec['source']}"))
+        value = request.tolerances[name]
         rows.append({
             "value": spec["meaning"],
             "tolerance": f"± {value:g} {units.get(spec['unit'], spec['unit'])}".rstrip(),

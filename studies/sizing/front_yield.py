@@ -34,9 +34,10 @@ from studies.calibration.bench_file import Bench
 from studies.calibration.sensor_fit import Fit, Sensor
 from studies.output import page_templates
 from studies.output.records import FlatRow
+from studies.parts.part_tolerances import Parts, batches_of, of_batch, tolerances_of
 from studies.sensitivity.beam_motions import SURROGATE, Press, motions
 from studies.sensitivity.calibration import spread_of
-from studies.sensitivity.made_sensors import MadeSensors, made_sensors, share_with_error, tolerances
+from studies.sensitivity.made_sensors import MadeSensors, made_sensors, share_with_error
 from studies.sizing.candidate_performance import performance
 from studies.sizing.sensor_arrays import Sensors, made_sensors_of, sensors_of_variant
 
@@ -132,26 +133,14 @@ def _records(table: pd.DataFrame) -> list[FlatRow]:
     return rows
 
 
-def tolerances_of(variant: Variant) -> dict[str, float]:
-    """Return the tolerances of a variant's parts but for `ranges_of`; places and tilts have their defaults."""
-    part, size = variant.hall_part, variant.magnet.tolerance
-    kind = "hall" if part.layout == "three" else "chip"
-    null = {} if part.null_tolerance is None else {f"{kind}_null": part.null_tolerance}
-    values = {f"{kind}_gain": 100 * part.gain_tolerance, "magnet_diameter": size, "magnet_height": size, **null}
-    return tolerances(**values)
+def parts_of_variant(variant: Variant, process: str | None = None) -> Parts:
+    """Return the parts of a variant, and the process that prints its base."""
+    return Parts(variant.silicone, variant.magnet, variant.hall_part, process)
 
 
-def ranges_of(variant: Variant) -> dict[str, tuple[float, float]]:
-    """Return the ranges of the catalogue for E, nu and the remanence, over its sources and grades."""
-    silicone, magnet = variant.silicone, variant.magnet
-    return {
-        "E": (silicone.E_low, silicone.E_high),
-        "nu": (silicone.nu_low, silicone.nu_high),
-        "remanence": (magnet.remanence_low, magnet.remanence_high),
-    }
-
-
-def drawn(variant: Variant, count: int, seed: int) -> tuple[MadeSensors, pd.DataFrame, Ints]:
+def drawn(
+    variant: Variant, count: int, seed: int, process: str | None = None
+) -> tuple[MadeSensors, pd.DataFrame, Ints]:
     """Draw made sensors, each of a batch of its own, and further ones of `BATCHES` batches and of those at the ends.
 
     Half of the batches lie on each side of the typical value, which is in the middle of no range; a batch is
@@ -165,7 +154,8 @@ def drawn(variant: Variant, count: int, seed: int) -> tuple[MadeSensors, pd.Data
     import pandas as pd
     from scipy.stats import qmc
 
-    ranges, number = ranges_of(variant), min(BATCHES, count)
+    design, made_of, number = variant.design, parts_of_variant(variant, process), min(BATCHES, count)
+    ranges = batches_of(design, made_of)
     parts = -(-count // number)
     half = OF_PARTS / 2
     random = np.random.default_rng(seed)
@@ -176,17 +166,16 @@ def drawn(variant: Variant, count: int, seed: int) -> tuple[MadeSensors, pd.Data
     middles = np.hstack([half + (1 - OF_PARTS) * random.random((len(ranges), count)), place[:, batch]])
 
     def value(column: int, share: Array) -> Array:
-        """Return the values below which lie these shares of what is sold: a half lies below the typical one."""
         name, (low, high) = list(ranges.items())[column]
-        return np.asarray(np.interp(share, [0.0, 0.5, 1.0], [low, getattr(variant.design, name), high]))
+        return of_batch(low, getattr(design, name), high, share)
 
     values = {name: lambda unit, k=k: value(k, middles[k] + half * unit) for k, name in enumerate(ranges)}
-    sizes = tolerances_of(variant)
+    sizes = tolerances_of(design, made_of)
     values |= {
-        name: lambda unit, name=name: (getattr(variant.design, name) + sizes[name] * unit).round(MAGNET_DIGITS)
+        name: lambda unit, name=name: (getattr(design, name) + sizes[name] * unit).round(MAGNET_DIGITS)
         for name in ("magnet_diameter", "magnet_height")
     }
-    sensors = made_sensors(variant.design, sizes, count + len(batch), seed, batches=values)
+    sensors = made_sensors(design, sizes, count + len(batch), seed, batches=values)
     middle = [value(k, place[k]) for k in range(len(ranges))]
     table = pd.DataFrame(dict(zip(("E_MPa", "nu", "remanence_T"), middle, strict=True)))
     return sensors, table.assign(at_the_ends=table.index >= number), batch
@@ -208,7 +197,7 @@ def yield_of(
     """
     import pandas as pd
 
-    sensors, batches, batch = drawn(variant, count, seed)
+    sensors, batches, batch = drawn(variant, count, seed, requirements.process)
     made = made_sensors_of(variant, sensors, sensors_of_variant(variant, requirements))
     possible = np.array([design is not None for design in sensors.designs])
     margins = _margins(made, possible, requirements, 0.0)
@@ -372,10 +361,7 @@ def stand(variant: Variant, requirements: Requirements) -> Sensor:
     names = tuple(parts.columns(parts.of_design(design)))
     law, _, error = calibration_study.mechanics_of(design, None)
     noise, _ = calibration_study.noise_of(design)
-    wide = {name: ranges_of(variant)[name] for name in ("E", "remanence")}
-    made = tolerances_of(variant) | {
-        name: 100 * max(abs(end / getattr(design, name) - 1) for end in ends) for name, ends in wide.items()
-    }
+    made = tolerances_of(design, parts_of_variant(variant, requirements.process))
     un = sensor_fit.unknowns_of(design, Bench(pd.DataFrame({"run": []}), names, []), made, model_error=error)
     return Sensor(design, law, un, noise, FORCE_SENSOR * requirements.force_z)
 

@@ -12,6 +12,8 @@ from studies.output import own_files, page_templates
 from studies.output.atomic_files import write_text
 from studies.output.literals import literal, one_line, toml
 from studies.output.records import FlatRow
+from studies.parts import part_tolerances
+from studies.sizing import front_yield
 
 if TYPE_CHECKING:
     from studies.parts.requirements import Requirements
@@ -73,4 +75,7 @@ def write_design(variant: Variant, requirements: Requirements, folder: Path) -> 
     lines += [f"base = {{ shape = {literal(requirements.outer_shape)} }}", "", "[requirements]"]
     rows = [row for row in requirements.rows() if row["state"] == "set"]
     lines += [f"{row['requirement']} = {literal(row['value'])}  # {row['unit']}" for row in rows]
+    parts = front_yield.parts_of_variant(variant, requirements.process)
+    if table := part_tolerances.stated(variant.design, parts):
+        lines += ["", "[tolerances]", *toml(table)]
     write_text(folder / DESIGN, "\n".join(lines) + "\n")

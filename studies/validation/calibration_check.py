@@ -27,7 +27,8 @@ from studies.calibration.sensor_fit import Sensor
 from studies.calibration.simulated_bench import FORCE_NOISE, READING_NOISE, STAND_COMPLIANCE, STAND_ZERO
 from studies.output.goals import Goal
 from studies.output.result import Result, Table
-from studies.sensitivity.made_sensors import MadeSensors, made_readings, made_sensors, tolerances
+from studies.parts.part_tolerances import tolerances
+from studies.sensitivity.made_sensors import MadeSensors, made_readings, made_sensors
 from studies.validation import pages
 from studies.validation.error_study_cases import answers_of
 from studies.validation.pages import Row

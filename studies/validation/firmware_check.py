@@ -35,7 +35,7 @@ from studies.firmware import decoder_export
 from studies.firmware.decoder_export import STATUSES, Firmware
 from studies.output.goals import Goal
 from studies.output.result import Result
-from studies.sensitivity.made_sensors import tolerances
+from studies.parts.part_tolerances import tolerances
 from studies.validation import pages
 from studies.validation.pages import Row
 
