@@ -19,10 +19,8 @@ def main() -> tuple[Solution, hall.Readings]:
     state = solve(sensor, press)
     rest, pressed = hall.readings(sensor), hall.readings(sensor, state.response)
 
-    error = state.estimates.force
-    print(
-        f"force          {state.response.force[2]:.2f} N, error {'unknown' if error is None else f'about {error:.1%}'}"
-    )
+    error = "unknown" if state.estimates.force is None else f"about {state.estimates.force:.1%}"
+    print(f"force          {state.response.force[2]:.2f} N, error {error}")
     print(f"by formula (5) {beam.solve(sensor, press).force[2]:.2f} N")
     print(f"magnet sinks   {-state.response.shift[2]:.3f} mm")
     for name, before, after in zip(("S1", "S2", "S3"), rest.V, pressed.V, strict=True):

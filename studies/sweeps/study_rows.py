@@ -420,8 +420,8 @@ def with_critical(status: str, critical: Answer, problem: Problem) -> tuple[str,
     """Return the status of a press beside its critical depth, and what the one says of the other.
 
     The mesh of the critical depth is finer where the contact ends: it is the closer one, but a state that one of the
-    two calls unstable is not called stable. Within the estimated error of the critical depth the status is unknown; an
-    error that is unknown has no bound, so that every depth is within it.
+    two calls unstable is not called stable. Within the estimated error of the critical depth the status is unknown;
+    an error that is unknown has no bound, so that every depth is within it.
     """
     if problem.design is None or problem.load is None or critical_verdict(critical) == "unknown":
         return status, ""
