@@ -275,6 +275,46 @@ def test_ranges_hold_the_tensile_tests_that_are_published(name, tests):
     assert "database" in silicone.source
 
 
+def law(tau, n):
+    """Return tan(delta) of G0 (1 + (i w tau)^n) at 0.1, 1 and 20 Hz."""
+    share = (2j * np.pi * np.array([0.1, 1.0, 20.0]) * tau) ** n
+    return np.imag(share) / (1 + np.real(share))
+
+
+def test_the_loss_factor_of_ecoflex_holds_the_laws_and_the_loops_that_are_published():
+    """Delory et al. and Chantelot et al.; by 0.854 tan(delta) the hysteresis of Romano et al., 12.66 %."""
+    silicone = named(parts_of().silicones, "Ecoflex 00-30")
+    published = np.array([law(260e-6, 0.27), law(330e-6, 0.32)])
+    assert silicone.loss_factor == pytest.approx(published[:, 1].mean(), rel=0.01)
+    assert silicone.loss_factor_low == pytest.approx(published.min(), rel=0.01)
+    assert published.max() < silicone.loss_factor_high == pytest.approx(0.1266 / 0.854, rel=0.01)
+    assert silicone.hysteresis == pytest.approx(0.1266, rel=0.01)
+
+
+def test_a_hysteresis_is_met_by_measured_loss_factors_only(toml):
+    """A silicone of unknown loss factor is named and not tried; where none is left it is said without a search."""
+    needed = Requirements(force_z=1.0, hysteresis=0.1, speed=1.0)
+    parts = catalogues_of(needed)
+    assert [part.name for part in parts.silicones] == ["Dragon Skin 30"]
+    left = {part.name: part.refusal(needed) for part in parts.silicones_left_out}
+    assert len(left) == 9
+    assert "its loss factor is unknown" in left["Sylgard 184"]
+    assert "its hysteresis is up to 12.6 % (tan(delta) = 0.148)" in left["Ecoflex 00-30"]
+    strict = dataclasses.replace(needed, hysteresis=0.05)
+    (said,) = impossible(strict, catalogues_of(strict))
+    assert "the least known is 9.99 %, of Dragon Skin 30 (tan(delta) up to 0.117); unknown is the loss" in said
+    only = dataclasses.replace(strict, silicones=("RTV615",))
+    assert "hysteresis of 5 %: unknown is the loss factor of RTV615" in impossible(only, catalogues_of(only))[0]
+    own = dataclasses.replace(only, silicones=("S",), catalogues=(toml(SILICONE + "loss_factor = 0.05"),))
+    (silicone,) = catalogues_of(own).silicones
+    assert (silicone.loss_factor_low, silicone.loss_factor_high, silicone.loss_source) == (
+        0.05,
+        0.05,
+        "the user's file",
+    )
+    assert not impossible(own, catalogues_of(own))
+
+
 def test_own_parts_are_added_and_replace(toml):
     parts = parts_of(catalogues=(toml(OWN),))
     assert named(parts.silicones, "Dragon Skin 30").E == 0.72
@@ -443,6 +483,7 @@ def test_parts_of_unknown_rate_and_slow_ones_are_named(toml, refused):
         (MAGNET + MAGNET, [r"two tables \[\[magnet\]\] have the name '7x2'"]),
         (SILICONE.replace("0.8", "0.6"), ["S: E must be", "none above the next; got 0.7, 0.6, 1"]),
         (SILICONE.replace('["700 kPa", 0.8, 1]', "0.8"), [r"E must be \[low, typical, high\]; got 0.8"]),
+        (SILICONE + "loss_factor = [0.1, 0.2]", [r"loss_factor must be \[low, typical, high\]"]),
         (SILICONE + "nu = [0.4, 0.5, 0.6]", ["nu must lie between 0.3 and 0.5; got 0.6"]),
         ('[[hall_part]]\nname = "H"', ["H: gain is missing"]),
         (HALL + "low = 3", ["null must lie between low = 3 V and high = 4.8 V; got 2.5 V"]),

@@ -167,7 +167,7 @@ def catalogue(call: Call, kind: Kind = None, /, *, file: list[Path] | None = Non
         rows = catalogues.rows((*getattr(parts, each), *(parts.left_out if each == "hall_parts" else ())))
         records += [{"kind": each, **row} for row in rows]
         title = f"{each.replace('_', ' ').capitalize()}: {len(rows)}"
-        shown.append(Table(title=title, rows=rows, brief=("source",), first=FIRST[each]))
+        shown.append(Table(title=title, rows=rows, brief=("source", "loss_source"), first=FIRST[each]))
     shown.append("--wide shows the sources; `assumed` names values without a source that was read.")
     return show(Result(title="Catalogue", records=records, shown=shown), here)
 

@@ -28,6 +28,9 @@ from studies.parts.requirements import CATALOGUES, Requirements
 
 FILTER = math.pi / 2
 """Bandwidth of white noise over the -3 dB bandwidth of a low pass of first order."""
+SPRING_GAP, PRESS_GAP = 8 / math.pi**2 * 0.915965594177219, 1.15
+"""Gap of a linear spring over tan(delta), see `analytic.relaxation_loops`; and that of a press over it, assumed: 1.11
+and 1.14 in the second cycle of the paper's sensor by finite elements, 1 and 2.4 mm deep."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,7 +182,10 @@ class HallPartEntry:
 
 @dataclass(frozen=True, slots=True)
 class SiliconeEntry:
-    """A castable silicone: least, typical and largest published values, see `catalogue_keys.csv`."""
+    """A castable silicone: least, typical and largest published values, see `catalogue_keys.csv`.
+
+    The loss factors, and the frequencies between which they were measured, Hz, are None where no source has them.
+    """
 
     name: str
     E_low: float
@@ -189,7 +195,12 @@ class SiliconeEntry:
     nu: float
     nu_high: float
     density: float
-    loss_factor: float
+    loss_factor_low: float | None
+    loss_factor: float | None
+    loss_factor_high: float | None
+    loss_low: float | None
+    loss_high: float | None
+    loss_source: str
     cure_temperature: float
     cure_hours: float
     mixed: str
@@ -200,19 +211,46 @@ class SiliconeEntry:
         """Return the fields of a `Design` of this silicone, with its typical E and nu."""
         return {"silicone": self.name, "E": self.E, "nu": self.nu, "density": self.density}
 
+    @property
+    def loss_words(self) -> str:
+        """Loss factor with its range, frequencies and source, or that it is unknown."""
+        if self.loss_factor is None:
+            return "Loss factor tan(delta): unknown, and assumed where motion is followed"
+        bounds = f"{self.loss_factor_low:g} to {self.loss_factor_high:g}"
+        bounds = f"{self.loss_factor:g} ({bounds}, {self.loss_low:g} to {self.loss_high:g} Hz)"
+        return f"Loss factor tan(delta): {bounds}. Source: {self.loss_source}"
+
+    @property
+    def hysteresis(self) -> float:
+        """Gap of a press at mid-stroke over the largest force with the largest loss factor; NaN where unknown."""
+        return math.nan if self.loss_factor_high is None else PRESS_GAP * SPRING_GAP * self.loss_factor_high
+
+    def refusal(self, needed: Requirements) -> str:
+        """Return why no sensor of this silicone can meet these requirements, "" if one can."""
+        if needed.hysteresis is None or self.hysteresis <= needed.hysteresis:
+            return ""
+        if self.loss_factor_high is None:
+            return "its loss factor is unknown: state loss_factor in a [[silicone]] of your own, by a test of yours"
+        gap, bound = 100 * self.hysteresis, 100 * needed.hysteresis
+        return (
+            f"its hysteresis is up to {gap:.3g} % (tan(delta) = {self.loss_factor_high:g}); required: {bound:.3g} %"
+        )
+
 
 @dataclass(frozen=True, slots=True)
 class Catalogues:
     """The parts from which a sensor is sized, none of them empty.
 
     `left_out` are Hall parts from which none can be, see `HallPartEntry.refusal`: those of the ambient field, chips
-    of unknown noise, and with a bandwidth parts that are slower, or of unknown rate.
+    of unknown noise, and with a bandwidth parts that are slower, or of unknown rate. `silicones_left_out` are those
+    that cannot keep a required hysteresis; where none can, all are in use, and `conflicts.impossible` says it.
     """
 
     magnets: tuple[MagnetEntry, ...]
     hall_parts: tuple[HallPartEntry, ...]
     silicones: tuple[SiliconeEntry, ...]
     left_out: tuple[HallPartEntry, ...] = ()
+    silicones_left_out: tuple[SiliconeEntry, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -295,7 +333,7 @@ def _entry(path: str, array: str, table: Mapping[str, Any], number: int) -> tupl
             entry[key] = kind.default
     if "assumed" in keys:
         check_keys(f"{where}: assumed", entry["assumed"], keys)
-        unset = (*table, "name", "layout", "source", "assumed")
+        unset = (*table, "name", "layout", "source", "loss_source", "assumed")
         # what has no default is unknown, and not assumed
         left_out = [key for key, kind in keys.items() if key not in unset and kind.default == kind.default]
         entry["assumed"] = (*entry["assumed"], *left_out)
@@ -319,6 +357,9 @@ def _value(where: str, value: object, key: Key) -> Any:
     if key.count == 1:
         return quantity(where, value, key.unit, key.low, key.high)
     ends = ENDS[key.count] if not where.endswith("body") else "[width, height, thickness]"
+    if key.default != key.default and isinstance(value, str | int | float):
+        # of what may be unknown, one number is enough
+        value = [value] * key.count
     if not isinstance(value, list) or len(value) != key.count:
         raise BadInput(f"{where} must be {ends}; got {value!r:.60}")
     numbers = tuple(quantity(where, number, key.unit, key.low, key.high) for number in value)
@@ -404,9 +445,15 @@ def _of_chip(chip: HallChip, layout: str) -> HallPartEntry:
 
 
 def _silicone(entry: Mapping[str, Any]) -> SiliconeEntry:
-    values = {key: value for key, value in entry.items() if key not in ("E", "nu")}
-    for name in ("E", "nu"):
+    ranges, known = ("E", "nu", "loss_factor"), isinstance(entry["loss_factor"], tuple)
+    values = {key: value for key, value in entry.items() if key not in (*ranges, "loss_frequency")}
+    if not known:
+        entry = {**entry, "loss_factor": (None,) * 3, "loss_frequency": (None,) * 2}
+        values |= {"loss_source": "", "assumed": tuple(key for key in entry["assumed"] if key != "loss_frequency")}
+    for name in ranges:
         values |= dict(zip((f"{name}_low", name, f"{name}_high"), entry[name], strict=True))
+    values |= dict(zip(("loss_low", "loss_high"), entry["loss_frequency"], strict=True))
+    values["loss_source"] = values["loss_source"] or (entry["source"] if known else "")
     return SiliconeEntry(**values)
 
 
@@ -450,11 +497,15 @@ def catalogues_of(requirements: Requirements) -> Catalogues:
     if hall_parts and len(unusable) == len(hall_parts):
         reasons = "; ".join(f"{name}: {why}" for name, why in list(unusable.items())[:3])
         raise BadInput(f"no sensor can be sized with any Hall part of the catalogues, such as {reasons}")
+    castable = _in_use("silicones", silicones, requirements)
+    lossy = [part for part in castable if part.refusal(requirements)]
+    lossy = lossy if len(lossy) < len(castable) else []
     return Catalogues(
         in_use,
         _in_use("hall_parts", {k: part for k, part in hall_parts.items() if k not in unusable}, requirements),
-        _in_use("silicones", silicones, requirements),
+        tuple(part for part in castable if part not in lossy),
         tuple(hall_parts[name] for name in unusable),
+        tuple(lossy),
     )
 
 
@@ -516,7 +567,7 @@ UNITS = {
     "C": ("largest_temperature", "cure_temperature"),
     "T": ("remanence_low", "remanence_high", "noise", "step"),
     "MPa": ("E_low", "E", "E_high"),
-    "Hz": ("rate", "bandwidth"),
+    "Hz": ("rate", "bandwidth", "loss_low", "loss_high"),
     "per_K": ("gain_drift",),
     "kg_per_m3": ("density",),
     "V_per_mT": ("gain",),

@@ -34,6 +34,7 @@ from geometry.arrays import Array, Ints
 from geometry.base import LEAST_GAP
 from geometry.fabrication.hall_elements import SS495A
 from studies.mechanics import surrogate_range
+from studies.parts.catalogues import PRESS_GAP, SPRING_GAP
 from studies.parts.requirements import Requirements
 from studies.sizing.beam_curves import (
     SHEARED_DEPTHS,
@@ -60,11 +61,6 @@ LEAST_ASKED = 0.02
 """Shallowest press over D under which finite elements are asked for shears: where the surrogate ends, they do not."""
 NEODYMIUM_DRIFT = (-1.2e-3, -0.9e-3)
 """Least and largest change of the remanence of NdFeB per K, relative: usual in tables of grades, assumed of all."""
-SPRING_GAP, PRESS_GAP = 8 / np.pi**2 * 0.915965594177219, 1.15
-"""Gap of a linear spring over tan(delta), see `analytic.relaxation_loops`; and that of a press over it, assumed: 1.11
-and 1.14 in the second cycle of the paper's sensor by finite elements, 1 and 2.4 mm deep."""
-LOSS_BAND = (0.01, 1000.0)
-"""Frequencies at which the loss factor of a silicone holds, Hz."""
 SCAN = np.array([0.4, 0.7, 1.0])
 """Shares of the range that stability allows at which the bounds are evaluated, before the crossing is refined."""
 REFINED = 3
@@ -362,10 +358,11 @@ class _Rated:
         return np.asarray(self._rails(field, 1).min(axis=2))
 
     def _hysteresis(self, depth: Array) -> Array:
-        """Return the hysteresis of presses to depths over D, shape (n,); NaN beyond `LOSS_BAND`."""
+        """Return the hysteresis of presses to depths over D, shape (n,); NaN where the loss factor is unknown."""
         frequency = (self.needed.speed or np.nan) / (2 * depth * self.sensors.D)
-        known = (frequency >= LOSS_BAND[0]) & (frequency <= LOSS_BAND[1])
-        return np.where(known, PRESS_GAP * SPRING_GAP * self.sensors.loss, np.nan)
+        loss, low, high = self.sensors.loss.T
+        known = (frequency >= low) & (frequency <= high)
+        return np.where(known, PRESS_GAP * SPRING_GAP * loss, np.nan)
 
     def _resolutions(self, states: Sequence[States], slopes: Array, field: Array) -> dict[str, tuple[Array, int]]:
         """Return standard deviations and drifts of the decoded forces, and scaled determinants, (n, p), and their

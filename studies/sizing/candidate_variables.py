@@ -38,6 +38,10 @@ FARTHEST, LEVEL = 0.8, (-0.5, 0.8)
 """How much farther than necessary the elements lie at most, over D; and the height of S2 and S3 over the magnet's."""
 
 
+ASSUMED_LOSS = Design().loss_factor
+"""Loss factor of a design that states none; of a silicone of unknown loss factor it says nothing."""
+
+
 @dataclass(frozen=True, slots=True)
 class Variant:
     """A design with typical values of its parts."""
@@ -46,6 +50,21 @@ class Variant:
     magnet: MagnetEntry
     hall_part: HallPartEntry
     silicone: SiliconeEntry
+
+    @property
+    def loss(self) -> list[float | None]:
+        """Largest loss factor, and the frequencies between which it holds, Hz; None or NaN where unknown.
+
+        A design of the silicone has the loss factors of the silicone, unless it states one of its own. Branches are
+        no single loss factor.
+        """
+        d, part = self.design, self.silicone
+        if d.prony:
+            return [None] * 3
+        usual = ASSUMED_LOSS if part.loss_factor is None else part.loss_factor
+        if d.silicone == part.name and d.loss_factor == usual:
+            return [part.loss_factor_high, part.loss_low, part.loss_high]
+        return [d.loss_factor, d.loss_low, d.loss_high]
 
     def row(self) -> dict[str, Any]:
         """Return the columns that identify a variant in tables."""
@@ -89,8 +108,9 @@ class Space:
         self.hall_parts = {name: np.array([seat[name] for seat in seats]) for name in seats[0]}
         names = ("diameter", "height", "edge_radius", "density", "remanence_low", "remanence_high")
         self.magnets = {name: np.array([getattr(each, name) for each in parts.magnets]) for name in names}
-        kinds = ("E_low", "E_high", "density", "nu", "loss_factor")
-        self.silicones = {name: np.array([getattr(each, name) for each in parts.silicones]) for name in kinds}
+        kinds = ("E_low", "E_high", "density", "nu", "loss_factor_high", "loss_low", "loss_high")
+        # of what is unknown the array has NaN
+        self.silicones = {name: np.array([getattr(each, name) for each in parts.silicones], float) for name in kinds}
         self.low = USUAL_D[0] if requirements.D_low is None else requirements.D_low
         self.high = USUAL_D[1] if requirements.D_high is None else requirements.D_high
         self.high = min(self.high, requirements.outer_size or np.inf)
@@ -266,7 +286,8 @@ class Candidates:
         magnet, silicone, part = parts.magnets[m], parts.silicones[s], parts.hall_parts[h]
         l0, f, c = (float(each[k]) for each in self.places())
         fields: dict[str, Any] = {**magnet.fields(), **silicone.fields(), **part_fields(part, needed)}
-        fields |= {"D": float(self.D[k]), "L": float(self.L[k]), "l0": l0, "loss_factor": silicone.loss_factor}
+        fields |= {"D": float(self.D[k]), "L": float(self.L[k]), "l0": l0}
+        fields |= {} if silicone.loss_factor is None else {"loss_factor": silicone.loss_factor}
         fields |= {"f": f, "c": c} if part.layout == "three" else {"chip_x": f}
         try:
             design = Design(**fields)

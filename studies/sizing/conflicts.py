@@ -118,7 +118,23 @@ def impossible(needed: Requirements, catalogues: Catalogues) -> tuple[str, ...]:
             f"a wall of {needed.printed_wall:g} mm is impossible: the thickest pin or wall of these parts is "
             f"{wall.max():.3g} mm"
         )
-    return tuple(texts)
+    return (*texts, *_hysteresis(needed, catalogues))
+
+
+def _hysteresis(needed: Requirements, catalogues: Catalogues) -> list[str]:
+    """Return the sentence of a hysteresis that no silicone in use is known to keep; nothing where one does."""
+    parts = catalogues.silicones
+    if needed.hysteresis is None or not all(part.refusal(needed) for part in parts):
+        return []
+    known = [part for part in parts if part.loss_factor_high is not None]
+    text = f"no silicone in use is known to keep a hysteresis of {amount('hysteresis', needed.hysteresis)}"
+    if known:
+        best = min(known, key=lambda part: part.hysteresis)
+        reached = amount("hysteresis", best.hysteresis)
+        text += f": the least known is {reached}, of {best.name} (tan(delta) up to {best.loss_factor_high:g})"
+    if unknown := [part.name for part in parts if part.loss_factor_high is None]:
+        text += f"{'; unknown is' if known else ': unknown is'} the loss factor of {', '.join(unknown)}"
+    return [f"{text}: state a loss_factor that you have measured in a [[silicone]] of your own, or allow more"]
 
 
 def conflict_of(

@@ -34,7 +34,9 @@ class Sensors:
     points, normals : where the elements sample the field, from the magnet's centre at rest, and their directions,
         shape (n, m, 3). owners : the element of each point, shape (m,).
     gain, null, low, high, noise : of the k elements, shape (n, k).
-    drift, loss : of the gain per K, relative, NaN where unknown; loss factor of the silicone, shape (n,).
+    drift : of the gain per K, relative, NaN where unknown, shape (n,).
+    loss : largest loss factor of the silicone, and the least and the largest frequency at which it holds, Hz; NaN
+        where unknown, shape (n, 3).
     bandwidth : largest one of the readings, Hz, NaN where unknown, shape (n,).
     beside : distance of the face of S2 from the axis and its height, shape (n, 2); NaN for a chip.
     offset, turn : displacement and rotation vector of the magnet in the silicone, (n, 3) and (n, 2); None for 0.
@@ -128,7 +130,7 @@ def sensors_of(candidates: Candidates) -> Sensors:
         **values,
         noise=np.where(real, c.hall_part("noise_T")[:, None], np.inf),
         drift=c.hall_part("gain_drift"),
-        loss=c.silicone("loss_factor"),
+        loss=np.column_stack([c.silicone(name) for name in ("loss_factor_high", "loss_low", "loss_high")]),
         bandwidth=c.hall_part("bandwidth"),
         beside=np.where(c.three[:, None], np.column_stack([f - SS495A.depth, c.lengths[:, 4]]), np.nan),
     )
@@ -163,7 +165,7 @@ def sensors_of_variant(variant: Variant, needed: Requirements) -> Sensors:
         normals=np.array([each.direction for each in elements])[owners][None],
         owners=owners,
         drift=np.array([variant.hall_part.gain_drift], dtype=float),
-        loss=np.array([np.nan if d.prony else d.loss_factor]),
+        loss=np.array([variant.loss], dtype=float),
         bandwidth=np.array([variant.hall_part.largest_bandwidth(needed, int(d.hall_average))]),
         beside=np.array([[d.f - SS495A.depth, level] if three else [np.nan, np.nan]]),
     )

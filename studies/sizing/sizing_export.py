@@ -66,6 +66,7 @@ def write_design(variant: Variant, requirements: Requirements, folder: Path) -> 
     head = [
         f"# magnet: {variant.magnet.name}",
         f"# silicone: {variant.silicone.name}, E = {variant.silicone.E_low:g} to {variant.silicone.E_high:g} MPa",
+        f"# {variant.silicone.loss_words}",
         f"# Hall part: {f'{variant.hall_part.count} x ' * (variant.hall_part.count > 1)}{variant.hall_part.name}",
     ]
     unused = variant.design.unused_fields()
