@@ -25,6 +25,7 @@ from studies.sizing.front_solves import (
     COMPARED,
     FemBeams,
     FrontPoint,
+    _judged,
     ranked,
     solved_points,
     to_solve,
@@ -93,6 +94,33 @@ def test_failed_points_come_last_without_a_rank():
     made[0] = dataclasses.replace(made[0], status="failed", reason="largest_strain is missed by 3 %")
     order = ranked(made, Requirements(force_z=5.0))
     assert [(point.number, point.rank) for point in order] == [(2, 1), (1, 0)]
+
+
+def made_shares(within, count=400):
+    """Shares of made sensors of which so many meet all requirements."""
+    row = front_yield._row(front_yield.ALL, pd.Series(np.arange(count + 2) < within), [], np.zeros(2, dtype=int))
+    return front_yield.Shares(None, None, None, pd.DataFrame([row]), pd.DataFrame({"within_percent": [50.0]}))
+
+
+def test_a_yield_below_the_required_one_fails_and_an_unknown_one_comes_later():
+    """89 % of 400 has an interval from 85.5 to 91.9 %: whether it is 90 % is unknown, and leaves out nothing."""
+    needed = dataclasses.replace(PLAIN, least_yield=0.9)
+    made = points([(20, 0.001, 10), (10, 0.002, 12), (5, 0.01, 20), (4, 0.02, 30)])
+    shares = [made_shares(within) for within in (356, 240, 380, 380)]
+    judged = [_judged(dataclasses.replace(p, made=s), needed) for p, s in zip(made, shares, strict=True)]
+    order = ranked(judged, needed)
+    assert [(point.number, point.rank, point.status) for point in order] == [
+        (3, 1, "ok"),
+        (1, 2, "ok"),
+        (2, 0, "failed"),
+    ]
+    assert order[1].doubt.startswith("whether least_yield is met is unknown: 89 % of made sensors (85.5 to 91.9 %)")
+    assert order[2].reason.startswith("least_yield is missed: 60 % of made sensors (55")
+    assert order[0].margins["least_yield"] == pytest.approx(0.95 / 0.9 - 1)
+    row = dataclasses.replace(order[0], variant=MADE).row()
+    assert (row["yield_percent"], row["worst_batch_percent"]) == (95.0, 50.0)
+    # without the requirement the yield is shown, and ranks nothing
+    assert ranked([_judged(dataclasses.replace(point, margins={}), PLAIN) for point in judged], PLAIN)[0].number == 1
 
 
 @pytest.fixture(scope="module")

@@ -45,6 +45,7 @@ first_mode = 100
 drift_per_K = "0.2 %"
 hysteresis = "8 %"
 speed = "0.5 mm/s"
+least_yield = "90 %"
 outer_size = "1 cm"
 outer_shape = "square"
 height = 20
@@ -80,6 +81,7 @@ def test_every_key(toml, tmp_path):
         first_mode=100.0,
         drift_per_K=0.002,
         hysteresis=0.08,
+        least_yield=0.9,
         speed=0.5,
         outer_size=10.0,
         outer_shape="square",
@@ -125,6 +127,7 @@ def test_rows_state_what_is_unset():
         ('force_z = "5 kg"', ["force_z: 'kg' is no unit for it: choose one of N, mN, kN"]),
         ("force_z = nan", ["force_z must be a finite number; got nan"]),
         ("force_z = 0", ["force_z must lie between 0.001 and 10000 N; got 0 N"]),
+        ("force_z = 5\nleast_yield = 1.2", ["least_yield must lie between 0.01 and 0.99; got 1.2"]),
         ("force_z = 5\nlargest_strain = 40", ["must lie between 0.01 and 5; got 40: write 40 % as 0.4"]),
         ("force_z = 5\nresolution_z = 5", ["resolution_z must be below the range force_z = 5 N; got 5 N"]),
         ("force_z = 5\nD = [8, 6]", ["the range must be", "low <= high; got 8 and 6 mm"]),

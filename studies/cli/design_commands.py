@@ -194,6 +194,7 @@ Wanted = Annotated[
         help="TOML file of requirements. Keys: force_z (needed), force_x, friction, press_with_shear, range_cap, "
         "resolution_z, resolution_x, bandwidth, samples, chips, converter_noise, converter_step, converter_rate, "
         "largest_strain, no_saturation, unique_decoding, stability_margin, drift_per_K, hysteresis, speed, "
+        "least_yield, "
         "first_mode, outer_size, outer_shape, height, process, wall, D, catalogues, shipped, magnets, hall_parts, "
         "silicones, seed, version, [weights]; --example prints a file with all of them.",
     ),

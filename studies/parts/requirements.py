@@ -57,7 +57,8 @@ class Requirements:
 
     The fields say what they are; requirements_example.toml has them all. A resolution is the standard deviation of
     the decoded force at the worst pose of the range, a strain the largest principal nominal one (stretch - 1), and
-    the stability margin is always a hard bound. Names of parts are empty for all parts.
+    the stability margin is always a hard bound. `least_yield` counts in the ranking, not in the search. Names of
+    parts are empty for all parts.
 
     >>> Requirements(force_z=5.0, resolution_z=6.0)
     Traceback (most recent call last):
@@ -80,6 +81,7 @@ class Requirements:
     speed: float | None = _number("mm/s", 1e-6, 1e6, "speed of the plate")
     outer_size: float | None = _number("mm", 0.1, 1000, "outer size of the base")
     height: float | None = _number("mm", 0.1, 5000, "total height")
+    least_yield: float | None = _number("1", 0.01, 0.99, "least share of made sensors that meet all the others")
     D_low: float | None = _number("mm", 0.1, 200, "least diameter")
     D_high: float | None = _number("mm", 0.1, 200, "largest diameter")
     wall: float | None = _number("mm", 0.05, 10, "thinnest printed wall")

@@ -80,7 +80,7 @@ def amount(name: str, value: float) -> str:
     ('49 %', '20 mN', '5 N')
     """
     unit = LIMITS[name].metadata["unit"]
-    if name in ("largest_strain", "drift_per_K", "hysteresis"):
+    if name in ("largest_strain", "drift_per_K", "hysteresis", "least_yield"):
         return f"{100 * value:.4g} %"
     if unit == "N" and abs(value) < 0.1:
         return f"{1000 * value:.4g} mN"

@@ -1,11 +1,12 @@
 """The points of a front, solved by finite elements: what they say, beside the surrogate, and which points fail.
 
-A point that misses a requirement by the numbers of the finite elements stays in the table, with its reason, but is
-not ranked; one that another one dominates by these numbers is left out: it is nowhere better, and somewhere worse by
-`RESOLUTION`, or by the largest half width of the finite elements (what their error estimates change) where that is
-larger. The score of a point is the weighted mean of three numbers, 0 for the worst and 1 for the best point that
-passes: of the logarithms of range, resolution and outer size. Scores share a rank that differ by less than such steps
-of all three, so that no rank rests on less.
+A point that misses a requirement by the numbers of the finite elements, or whose yield is too small, stays in the
+table, with its reason, but is not ranked; one that another one dominates by these numbers is left out: it is nowhere
+better, and somewhere worse by `RESOLUTION`, or by the largest half width of the finite elements (what their error
+estimates change) where that is larger. The score of a point is the weighted mean of three numbers, 0 for the worst
+and 1 for the best point that passes: of the logarithms of range, resolution and outer size. Scores share a rank that
+differ by less than such steps of all three, so that no rank rests on less. A point of which it is unknown whether it
+has the required yield comes after those that have it.
 
 The responses of the beams (`FemBeams`) have the form of the surrogate's. The paths of all beams are solved side by
 side by worker processes; their states land in the store, so that a command that was interrupted solves none of them
@@ -35,9 +36,11 @@ from studies.mechanics import surrogate_range
 from studies.mechanics.path_solver import frequency_unit
 from studies.mechanics.prediction import Quantity
 from studies.output.records import FlatRow
+from studies.sizing import front_yield
 from studies.sizing.beam_curves import SOLVED_DEPTHS
-from studies.sizing.candidate_performance import LEAST, NO_SHEAR, Performance, margins, performance
+from studies.sizing.candidate_performance import LEAST, MOST, NO_SHEAR, Performance, margins, performance
 from studies.sizing.candidate_variables import Candidates, Variant
+from studies.sizing.front_yield import Shares
 from studies.sizing.sensor_arrays import sensors_of
 from studies.sizing.variant_search import RESOLUTION, dominated, objectives, spread
 
@@ -139,6 +142,8 @@ class FemBeams:
         return Quantity(lowest, np.zeros(len(lowest)))
 
 
+MOST_TRIED, FEW = 60, 100
+"""Points of a front whose yield is estimated before they are solved, and made sensors of each: about 15 s."""
 MOST_POINTS = 12
 """Points of a front that are solved: their finite elements take about two minutes on two cores."""
 COMPARED = {
@@ -175,11 +180,13 @@ class FrontPoint:
     Attributes
     ----------
     predicted, solved : what it reaches by the surrogate and by finite elements, names as in `Performance`.
-    margins : of the requirements, by finite elements.
+    margins : of the requirements, by finite elements; of the yield by the surrogate.
     worst : rows of the worst loads, see `_worst`.
     status, reason : "ok", or "failed" if a solve failed or a requirement is missed: which, by how much, and which of
         them ends the range at once.
     rank, score : 1 for the best, equal for equal scores, and 0 to 1; 0 and NaN for a point that failed.
+    made : the yield, by the surrogate; None of a point that failed by its own figures.
+    doubt : why it is unknown whether a requirement is met, "" if that is known.
     """
 
     number: int
@@ -192,6 +199,8 @@ class FrontPoint:
     reason: str
     rank: int = 0
     score: float = np.nan
+    made: Shares | None = None
+    doubt: str = ""
 
     def row(self) -> FlatRow:
         """Return the row of front.csv: each quantity by the surrogate and by FEM, and their difference."""
@@ -207,20 +216,42 @@ class FrontPoint:
         for each in self.worst:
             load = f"{each['force_z_N']:.4g} N with {each['force_x_N']:.4g} N at E = {each['E_MPa']:.4g} MPa"
             row[f"worst_load_of_{each['figure']}"] = load
-        return row | {"score": self.score, "reason": self.reason}
+        made = self.made
+        shares = [None] * 4 if made is None else [made.share, *made.interval, made.worst]
+        for name, share in zip(("yield", "yield_low", "yield_high", "worst_batch"), shares, strict=True):
+            row[f"{name}_percent"] = None if share is None else 100 * share
+        return row | {"score": self.score, "reason": self.reason or self.doubt}
 
 
 def solved_front(
-    candidates: Candidates, needed: Requirements, fem: FiniteElements, *, most: int = MOST_POINTS
+    candidates: Candidates,
+    needed: Requirements,
+    fem: FiniteElements,
+    *,
+    most: int = MOST_POINTS,
+    sensors: int = front_yield.SENSORS,
 ) -> list[FrontPoint]:
     """Solve a front by finite elements, and return its points, those that pass first, in the order of their ranks.
 
     Parameters
     ----------
     most : number of points that are solved; `spread` chooses them, after the one with the best score.
+    sensors : number of made sensors of the yield of each point that passes.
     """
     candidates = to_solve(candidates, needed, most)
-    return ranked(solved_points(candidates, needed, fem), needed, fem) if len(candidates) else []
+    if not len(candidates):
+        return []
+    points = solved_points(candidates, needed, fem)
+    return ranked([with_yield(point, needed, sensors) for point in points], needed, fem)
+
+
+def with_yield(point: FrontPoint, needed: Requirements, count: int) -> FrontPoint:
+    """Return a point with its yield; one that failed stays as it is."""
+    if point.status != "ok":
+        return point
+    intervals = needed.least_yield is not None
+    made = front_yield.shares_of(point.variant, needed, count, needed.seed, intervals=intervals)
+    return _judged(replace(point, made=made), needed)
 
 
 def to_solve(candidates: Candidates, needed: Requirements, most: int) -> Candidates:
@@ -241,12 +272,27 @@ def to_solve(candidates: Candidates, needed: Requirements, most: int) -> Candida
     # if the surrogate confirms none at these loads, finite elements say why
     kept = passed if len(passed) else np.arange(len(candidates))
     values = {name: np.where(np.isnan(v), searched.values[name], v) for name, v in cautious.values.items()}
+    kept = kept[_of_yield(candidates.take(kept), objectives(values, needed)[kept], needed)]
     F = objectives(values, needed)[kept]
     best = int(scores(F, RESOLUTION, needed)[0].argmax())
     chosen = (
         np.unique([best, *spread(F, max(most - 1, 1)).tolist()])[: max(most, 1)] if most > 1 else np.array([best])
     )
     return candidates.take(kept[chosen])
+
+
+def _of_yield(candidates: Candidates, F: Array, needed: Requirements) -> Ints:
+    """Return which candidates may have the required yield, by `FEW` made sensors of each; all if there are none."""
+    every = np.arange(len(candidates))
+    if needed.least_yield is None:
+        return every
+    tried = spread(F, MOST_TRIED)
+    shares = [
+        front_yield.shares_of(cast("Variant", candidates.variant(k)), needed, FEW, needed.seed, intervals=False)
+        for k in tried.tolist()
+    ]
+    kept = tried[[made.interval[1] >= needed.least_yield for made in shares]]
+    return kept if len(kept) else every
 
 
 def solved_points(candidates: Candidates, needed: Requirements, fem: FiniteElements) -> list[FrontPoint]:
@@ -275,13 +321,13 @@ def solved_points(candidates: Candidates, needed: Requirements, fem: FiniteEleme
         signed = {name: float(value[k]) for name, value in solved.margins.items()}
         reason = f"finite elements did not reach {', '.join(lost)}" if lost else ""
         points.append(
-            _judged(FrontPoint(k + 1, variant, said, values, signed, _worst(solved, k, variant), "", reason))
+            _judged(FrontPoint(k + 1, variant, said, values, signed, _worst(solved, k, variant), "", reason), needed)
         )
     return points
 
 
-def _judged(point: FrontPoint) -> FrontPoint:
-    missed = {name: value for name, value in point.margins.items() if not value >= 0}
+def _judged(point: FrontPoint, needed: Requirements) -> FrontPoint:
+    missed = {name: value for name, value in point.margins.items() if not value >= 0 and name != "least_yield"}
     reasons = [
         f"{n} is not known" if v == LEAST else f"{n} is missed by {-100 * v:.{'2g' if v > -0.99 else '0f'}} %"
         for n, v in missed.items()
@@ -292,8 +338,17 @@ def _judged(point: FrontPoint) -> FrontPoint:
         why = named if ended else "no press is known to be stable as deep as theirs"
         alone = "the margin of force_z is that of the force alone"
         reasons.append(f"the range is 0 N, because {why} under the required loads: {alone}")
+    least, doubt, signed = needed.least_yield, "", dict(point.margins)
+    if least is not None and point.made is not None:
+        (low, high), share = point.made.interval, point.made.share
+        signed["least_yield"] = min(share / least - 1, MOST)
+        found = f"{100 * share:.3g} % of made sensors ({100 * low:.3g} to {100 * high:.3g} %) meet all the others"
+        if high < least:
+            reasons.append(f"least_yield is missed: {found}")
+        elif low < least:
+            doubt = f"whether least_yield is met is unknown: {found}"
     reason = "; ".join(filter(None, [point.reason, *reasons]))
-    return replace(point, status="failed" if reason else "ok", reason=reason)
+    return replace(point, status="failed" if reason else "ok", reason=reason, margins=signed, doubt=doubt)
 
 
 def _worst(solved: Performance, k: int, variant: Variant) -> list[FlatRow]:
@@ -375,7 +430,8 @@ def with_solved_loads(point: FrontPoint, needed: Requirements, fem: FiniteElemen
     rails = {row["figure"]: float(row["value"]) / 100 for row in rows if row["figure"] == "saturation"}
     values = point.solved | {"strain": strain} | rails
     signed = margins({name: np.array([value]) for name, value in values.items()}, needed)
-    return _judged(replace(point, solved=values, worst=rows, margins={n: float(v[0]) for n, v in signed.items()}))
+    own = {name: float(value[0]) for name, value in signed.items()}
+    return _judged(replace(point, solved=values, worst=rows, margins=own), needed)
 
 
 def _rail_distance(design: Design, row: FlatRow, answer: FlatRow) -> float:
@@ -429,13 +485,21 @@ def ranked(points: Sequence[FrontPoint], needed: Requirements, fem: FiniteElemen
     failed = [point for point in points if point.status != "ok"]
     while passed:
         F, resolution = solved_objectives(passed, needed)
-        kept = np.flatnonzero(~dominated(F, resolution))
+        doubtful = np.array([bool(point.doubt) for point in passed])
+        # what is unknown leaves out nothing that is known
+        lost = np.where(doubtful, dominated(F, resolution), False)
+        lost[~doubtful] = dominated(F[~doubtful], resolution)
+        kept = np.flatnonzero(~lost)
         score, step = scores(F[kept], resolution, needed)
-        order = np.lexsort((F[kept].sum(axis=1), -score)).tolist()
+        order = np.lexsort((F[kept].sum(axis=1), -score, doubtful[kept])).tolist()
         front = [passed[kept[k]] for k in order]
         checked = front[0] if fem is None else with_solved_loads(front[0], needed, fem)
         if checked.status == "ok":
-            rank = [1 + int((score > score[k] + step + 1e-9).sum()) for k in order]
+            later = doubtful[kept]
+            rank = [
+                1 + int(((score > score[k] + step + 1e-9) & (later == later[k]) | (later < later[k])).sum())
+                for k in order
+            ]
             scored = zip([checked, *front[1:]], rank, score[order].round(9).tolist(), strict=True)
             return [*(replace(p, rank=r, score=s) for p, r, s in scored), *failed]
         # what this point has dominated may be the best of those that are left

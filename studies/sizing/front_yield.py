@@ -17,7 +17,7 @@ sensors is finite.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -181,6 +181,71 @@ def drawn(
     return sensors, table.assign(at_the_ends=table.index >= number), batch
 
 
+@dataclass(frozen=True, slots=True)
+class Shares:
+    """Made sensors of a variant, and which of them meet the requirements by the surrogate.
+
+    Attributes
+    ----------
+    sensors, batch : as from `drawn`; met : whether a sensor meets all requirements, shape (n,).
+    table, batches : see `Yield`.
+    """
+
+    sensors: MadeSensors
+    batch: Ints
+    met: pd.Series[bool]
+    table: pd.DataFrame
+    batches: pd.DataFrame
+
+    @property
+    def share(self) -> float:
+        """Share of the sensors that meet all requirements, over batches."""
+        return float(self.table["within_percent"].iloc[0]) / 100
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """Ends of the share: the sampling error (95 %), at the ends of the surrogate's intervals where known."""
+        row = self.table.iloc[0]
+        count, within = int(row["sensors"]), float(row["within_percent"])
+        ends = [row["surrogate_worse_percent"], row["surrogate_better_percent"]]
+        low, high = (round((within if np.isnan(end) else end) * count / 100) for end in ends)
+        return share_with_error(low, count)[1], share_with_error(high, count)[2]
+
+    @property
+    def worst(self) -> float:
+        """Share of the sensors of the worst batch."""
+        return float(self.batches["within_percent"].min()) / 100
+
+
+def shares_of(
+    variant: Variant, requirements: Requirements, count: int = SENSORS, seed: int = 0, *, intervals: bool = True
+) -> Shares:
+    """Return which made sensors of a variant meet the requirements; `intervals` also at the surrogate's ends."""
+    import pandas as pd
+
+    sensors, batches, batch = drawn(variant, count, seed, requirements.process)
+    made = made_sensors_of(variant, sensors, sensors_of_variant(variant, requirements))
+    possible = np.array([design is not None for design in sensors.designs])
+    margins = _margins(made, possible, requirements, 0.0)
+    met, first = pd.DataFrame(margins) >= 0, slice(count)
+    ends = [
+        pd.DataFrame(_margins(made.take(first), possible[first], requirements, caution)) >= 0
+        for caution in ((1.0, -1.0) if intervals else ())
+    ]
+    every = met.all(axis=1)
+    groups = every[count:].groupby(batch)
+    batches = batches.assign(sensors=groups.size(), within=groups.sum(), within_percent=100 * groups.mean())
+    table = pd.DataFrame([
+        _row(ALL, every, [end.all(axis=1) for end in ends], batch),
+        *(
+            _row(name, met[name], [end[name] for end in ends], batch)
+            | dict(zip(QUANTILES, 100 * np.quantile(margins[name][first], SHARES), strict=True))
+            for name in (~met[first]).sum().sort_values(ascending=False, kind="stable").index
+        ),
+    ])  # fmt: skip
+    return Shares(sensors, batch, every, table, batches.rename_axis("batch").reset_index())
+
+
 def yield_of(
     variant: Variant,
     requirements: Requirements,
@@ -197,48 +262,31 @@ def yield_of(
     """
     import pandas as pd
 
-    sensors, batches, batch = drawn(variant, count, seed, requirements.process)
-    made = made_sensors_of(variant, sensors, sensors_of_variant(variant, requirements))
-    possible = np.array([design is not None for design in sensors.designs])
-    margins = _margins(made, possible, requirements, 0.0)
-    first = slice(count)
-    met, low, high = (
-        pd.DataFrame(each) >= 0
-        for each in (margins, *(_margins(made.take(first), possible[first], requirements, c) for c in (1.0, -1.0)))
-    )
-    every = met.all(axis=1)
-    groups = every[count:].groupby(batch)
-    batches = batches.assign(sensors=groups.size(), within=groups.sum(), within_percent=100 * groups.mean())
-    table = pd.DataFrame([
-        _row(ALL, every, low.all(axis=1), high.all(axis=1), batch),
-        *(
-            _row(name, met[name], low[name], high[name], batch)
-            | dict(zip(QUANTILES, 100 * np.quantile(margins[name][first], SHARES), strict=True))
-            for name in (~met[first]).sum().sort_values(ascending=False, kind="stable").index
-        ),
-    ])  # fmt: skip
+    made = shares_of(variant, requirements, count, seed)
+    sensors = made.sensors
     load = required_load(variant.design, requirements)
     calibrations = check = pd.DataFrame()
     if load is not None:
         presses = after_presses(variant, load, requirements, calibration, len(sensors), seed)
-        calibrations = _calibrations(sensors, load, requirements, every, batch, presses)
+        calibrations = _calibrations(sensors, load, requirements, made.met, made.batch, presses)
         check = check_of(sensors, load, count, **solves) if solves else check
     if calibration is not None and not calibrations.empty:
         calibrations = calibrations.replace({"calibration": {"twelve presses": "the calibration"}})
-    return Yield(table, batches.rename_axis("batch").reset_index(), calibrations, check)
+    return Yield(made.table, made.batches, calibrations, check)
 
 
 SHARES = (0.05, 0.5, 0.95)
 QUANTILES = tuple(f"margin_{100 * share:g}_percent" for share in SHARES)
 
 
-def _row(name: str, met: pd.Series[bool], worse: pd.Series[bool], better: pd.Series[bool], batch: Ints) -> FlatRow:
-    """Return a row of yield.csv from all sensors, those of a batch of their own first, and from these at the ends of
-    the surrogate's intervals; the interval is that of Clopper and Pearson.
+def _row(name: str, met: pd.Series[bool], ends: Sequence[pd.Series[bool]], batch: Ints) -> FlatRow:
+    """Return a row of yield.csv from all sensors, those of a batch of their own first, and from these at the `ends`
+    of the surrogate's intervals, NaN without them; the interval is that of Clopper and Pearson.
     """
     count = len(met) - len(batch)
     within = int(met[:count].sum())
     share, low, high = share_with_error(within, count)
+    worse, better = [100 * float(end.mean()) for end in ends] or [np.nan] * 2
     return {
         "requirement": name,
         "sensors": count,
@@ -246,8 +294,8 @@ def _row(name: str, met: pd.Series[bool], worse: pd.Series[bool], better: pd.Ser
         "within_percent": 100 * share,
         "low_percent": 100 * low,
         "high_percent": 100 * high,
-        "surrogate_worse_percent": 100 * float(worse.mean()),
-        "surrogate_better_percent": 100 * float(better.mean()),
+        "surrogate_worse_percent": worse,
+        "surrogate_better_percent": better,
         "worst_batch_percent": 100 * float(met[count:].groupby(batch).mean().min()),
     }
 

@@ -44,7 +44,8 @@ VERSION = 1
 """Version of the format of sizing.json."""
 FRONT = (
     *("rank", "D_mm", "L_mm", "magnet", "silicone", "hall_part", "fem_range_z_N"),
-    *("fem_resolution_z_mN", "fem_resolution_x_mN", "fem_strain_percent", "outer_size_mm", "score"),
+    *("fem_resolution_z_mN", "fem_resolution_x_mN", "fem_strain_percent", "outer_size_mm"),
+    *("yield_percent", "worst_batch_percent", "score"),
 )
 """Columns of front.csv that the page shows."""
 SEARCHED, SOLVED = 0.35, 0.9
@@ -56,6 +57,7 @@ OBJECTIVES = {
     "resolution in z": ("fem_resolution_z_mN", "mN", min),
     "resolution in x": ("fem_resolution_x_mN", "mN", min),
     "outer size": ("outer_size_mm", "mm", min),
+    "yield": ("yield_percent", "%", max),
 }
 """What a variant is compared by: column of front.csv, unit, and which is better."""
 
@@ -161,7 +163,7 @@ def run(requirements: Requirements, settings: Settings, progress: Progress) -> S
             conflict = conflicts.conflict_of(requirements, catalogues, settings.effort, found, quiet, rest)
             return sizing(candidates, 0, [], None, conflict)
         variants, _ = whole_front(found)
-        front = solved_front(variants, requirements, fem, most=settings.points)
+        front = solved_front(variants, requirements, fem, most=settings.points, sensors=settings.sensors)
     made = None
     if front and front[0].status == "ok":
         progress(SOLVED, f"{settings.sensors} made sensors")
@@ -233,6 +235,8 @@ def result_of(sizing: Sizing, origin: str, command: str, *, wide: bool) -> Resul
         files["front.png"] = partial(picture, rows=rows, draw=sizing_figures.front)
     if rows and made_sensors is not None:
         shown.append(f"Yield of the first: {made_sensors.sentence}.")
+    if sizing.winner and sizing.winner.doubt:
+        shown.append(f"Of the first, {sizing.winner.doubt}.")
     tables = {"front": rows, "yield": [] if made_sensors is None else made_sensors.rows()}
     return Result(
         title="Sizing",
