@@ -80,6 +80,24 @@ def test_a_state_does_not_depend_on_the_others_of_its_path(before, load):
     assert company.response.force == pytest.approx(alone.response.force, rel=1e-9)
 
 
+def test_neither_order_nor_interruption_of_a_list_decides_its_states():
+    """Above a wide flat magnet the skin creases beyond 1.95 mm, and the press has an onset and several branches."""
+    sensor = replace(paper(), L=6.4, magnet_diameter=6.4, magnet_height=0.8, magnet_edge_radius=0.2)
+    rough = replace(QUICK, section_size=0.25)
+
+    def press(*depths):
+        return trace(sensor, [Load(depth=depth) for depth in depths], rough, estimate=False)
+
+    alone = {depth: press(depth)[0] for depth in (0.9, 1.8, 1.9, 2.05, 2.2)}
+    assert [state.facts.onset for state in alone.values()] == [None, None, None, None, "depth"]
+    mixed = np.random.default_rng(1).permutation([*alone]).tolist()
+    for depths in ([*alone], mixed, mixed[2:]):
+        for found in press(*depths):
+            one = alone[found.load.depth]
+            assert (found.status, found.facts.onset_mm, found.message) == (one.status, one.facts.onset_mm, one.message)
+            assert found.response.force == pytest.approx(one.response.force, rel=1e-8)
+
+
 def test_a_press_that_crushes_silicone_is_no_state_to_analyse(monkeypatch):
     """With a bound that every deformation breaks; the true one lets 5 mm pass and not 6.5 mm."""
     monkeypatch.setattr(press, "FOLDED", 1.0)

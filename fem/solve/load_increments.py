@@ -41,6 +41,9 @@ PASSED_TOLERANCE = 1e-4
 correction, removes the remaining residual. A rough state may lie on the side of another branch."""
 EASY = 7
 """Newton iterations up to which an increment is easy, and the next one may be longer."""
+SMOOTH = 12
+"""Newton iterations up to which an increment is known to stay on its branch. Beside a crease increments that land on
+another one take 29 or more."""
 GROWTH = 1.5
 """Ratio of an increment to the easy one before. A failed increment is halved, so a factor of 2 would repeat the
 length that failed."""
@@ -193,7 +196,7 @@ def apply_increment(
     doubtful = (first or crushed) and not accept
     turned = answer.converged and turns_over(state, position, answer.state.u)
     if not answer.converged or doubtful or turned:
-        return Reached(replace(state, past=()), answer.reason or "no_convergence", answer.iterations)
+        return Reached(replace(state, past=(), smooth=False), answer.reason or "no_convergence", answer.iterations)
     onset, more = state.onset, 0
     if first and onset is None:
         onset, more = _bracket_onset(solver, replace(state, friction=plate.friction), answer, position)
@@ -302,7 +305,8 @@ def path_at(state: PathState, answer: Equilibrium, position: Array, plate: Plate
 def _accept(state: PathState, answer: Equilibrium, position: Array, plate: Plate) -> PathState:
     """Return the path's state at a position (3,), with the state before for extrapolation."""
     past = (*state.past[-1:], PastState(state.position, state.q, state.overlap))
-    return replace(path_at(state, answer, position, plate), past=past)
+    smooth = state.smooth and answer.iterations <= SMOOTH
+    return replace(path_at(state, answer, position, plate), past=past, smooth=smooth)
 
 
 def turn(state: PathState, direction: Array) -> PathState:

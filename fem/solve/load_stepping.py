@@ -22,9 +22,20 @@ import numpy as np
 from fem.model import plate_contact
 from fem.model.plate_contact import SECTION_KAPPA
 from fem.model.symmetry_models import Discretisation, MeshSpecification, raise_harmonics
+from fem.results.silicone_limits import crease_ratio
+from fem.solution import CREASE
 from fem.solve.direct_solver import Solver
-from fem.solve.load_increments import CRUSHED, LONGEST, Reached, follow_segment, path_at, turns_over
-from fem.solve.newton import newton
+from fem.solve.load_increments import (
+    CRUSHED,
+    LONGEST,
+    Reached,
+    apply_increment,
+    follow_segment,
+    path_at,
+    turn,
+    turns_over,
+)
+from fem.solve.newton import TOLERANCE, newton
 from fem.solve.path_state import PastState, PathState, at_rest, glue, with_harmonics, with_predictor
 from geometry.arrays import Array
 
@@ -90,14 +101,37 @@ class Path:
         return replace(sheared, iterations=pressed.iterations + sheared.iterations)
 
     def apply(self, state: PathState, position: Array) -> Reached[PathState]:
-        """Do as `advance`, but from rest where a press to this depth has no history (`starts_from_rest`)."""
-        if not state.starts_from_rest(float(position[0])):
+        """Do as `advance`, but a press without history does not depend on the states before it, see `_press`."""
+        depth = float(position[0])
+        if state.has_history or depth == state.position[0]:
             return self.advance(state, position)
-        passed = self._pass_to(float(position[0]))
+        pressed = self._press(state, depth)
+        if pressed.stop:
+            return pressed
+        reached = self.advance(pressed.state, position)
+        return replace(reached, iterations=pressed.iterations + reached.iterations)
+
+    def _press(self, state: PathState, depth: float) -> Reached[PathState]:
+        """Move an elastic press to a depth over D: in one increment where that is short and both states are sound.
+
+        Otherwise it starts from rest: beyond an instability or a crease a press has several equilibria, and from rest
+        it reaches one that no other depth of its list decides. So it does where it stops.
+        """
+        solver, goal, ahead = self._solvers[state.d.model], np.array([depth, 0.0, 0.0]), depth - state.position[0]
+        iterations = 0
+        if abs(ahead) < min(depth, LONGEST) and _is_sound(state):
+            here = turn(state, np.array([math.copysign(1.0, ahead), 0.0, 0.0]))
+            followed = apply_increment(solver, here, goal, TOLERANCE, accept=False)
+            if not followed.stop and _is_sound(followed.state):
+                return followed
+            iterations = followed.iterations
+        passed = self._pass_to(depth)
+        iterations += passed.iterations
         if passed.stop:
-            return passed
-        reached = self.advance(passed.state, position)
-        return replace(reached, iterations=passed.iterations + reached.iterations)
+            return replace(passed, iterations=iterations)
+        reached = follow_segment(solver, passed.state, goal)
+        after = replace(reached.state, smooth=reached.state.smooth and _is_sound(passed.state))
+        return replace(reached, state=after, iterations=iterations + reached.iterations)
 
     def _pass_to(self, depth: float) -> Reached[PathState]:
         """Return the last state that a press from rest passes, in the longest increments, before a depth over D.
@@ -142,6 +176,12 @@ class Path:
         # returns at once if the prediction has reached the goal
         reached = follow_segment(solver, state, goal, friction_step_factor=self._models.friction_step_factor)
         return replace(reached, iterations=before + reached.iterations)
+
+
+def _is_sound(state: PathState) -> bool:
+    """Return whether a press is sound, and has no crease: any such path leads to it."""
+    ratio = crease_ratio(state) if state.is_sound else None
+    return ratio is not None and ratio < CREASE
 
 
 def predict(solver: Solver, reduced_solver: Solver, state: PathState, goal: Array) -> tuple[PathState, int]:

@@ -44,6 +44,7 @@ class PathState:
     least_J : least volume ratio J at the integration points; NaN where not computed.
     stability : stable, unstable with a number of directions, or unknown.
     onset : positions (before, after) between which the first unstable direction appeared, or None.
+    smooth : whether no increment from rest on has failed or taken long (`fem.solve.load_increments.SMOOTH`).
     sheared : whether plate or grip have ever moved sideways.
     bond : the tied points, or None.
     friction : history of the points in contact; None without Coulomb friction.
@@ -64,6 +65,7 @@ class PathState:
     least_J: float = math.nan
     stability: Stability = UNKNOWN
     onset: tuple[Array, Array] | None = None
+    smooth: bool = True
     sheared: bool = False
     bond: Bond | None = None
     friction: Friction | None = None
@@ -73,14 +75,17 @@ class PathState:
     stiffness: float | None = None
     reduced: PathState | None = None
 
-    def starts_from_rest(self, depth: float) -> bool:
-        """Whether a press to another depth over D is solved from rest, not from this state.
-
-        A press without friction has no history, but beyond an instability it has several equilibria: from rest it
-        reaches one that no other depth of its list decides. (With an imperfection it has one branch, and follows it.)
+    @property
+    def has_history(self) -> bool:
+        """Whether the path up to here decides states beyond it: a press without friction is elastic. (With an
+        imperfection it has one branch, and follows it.)
         """
-        elastic = self.d.model == "axisymmetric" and self.friction is None and not self.sheared
-        return elastic and float(self.position[0]) != depth
+        return self.d.model != "axisymmetric" or self.friction is not None or self.sheared
+
+    @property
+    def is_sound(self) -> bool:
+        """Whether the state is known to be stable, on a smooth path without an onset."""
+        return self.smooth and self.stability.is_stable and self.onset is None
 
     @property
     def skin(self) -> elements.Surface:

@@ -292,15 +292,12 @@ def _continued(kept: _Kept, scene: Scene) -> Reached[PathState] | None:
     if kept.reached is None or kept.reached.stop or kept.reached.state.friction is not None:
         return None
     last = kept.reached.state
-    if last.onset is not None or not last.stability.is_stable:
-        return None
-    if np.linalg.norm(goal - last.position) >= np.linalg.norm(goal - start.position):
+    if not last.is_sound or np.linalg.norm(goal - last.position) >= np.linalg.norm(goal - start.position):
         return None
     # from one move of a hand to the next, extrapolation of the last states is a better first guess than the predictor
     reached = kept.path.advance(replace(last, reduced=None), goal)
     # the limit of a path, and where it loses stability, are found from its beginning
-    lost = reached.stop or not reached.state.stability.is_stable or reached.state.onset is not None
-    return None if lost else reached
+    return None if reached.stop or not reached.state.is_sound else reached
 
 
 def _followed(kept: _Kept, scene: Scene) -> Reached[PathState]:
