@@ -27,7 +27,10 @@ from analytic.parts import Element
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
 
-Status = pose_search.Status | Literal["tension", "uncalibrated", "frozen", "after_gap", "jump", "untimed"]
+Status = (
+    pose_search.Status | Literal["tension", "uncalibrated", "frozen", "after_gap", "jump", "untimed", "out_of_range"]
+)
+"""`out_of_range` is that of a regression, which knows no pose."""
 Limit = Literal["depth", "shear", "workspace"]
 """Limit that a pose exceeds: the depth or the shear of the mechanics' samples, or the workspace of the design."""
 

@@ -23,12 +23,14 @@ Exact for an incompressible silicone under small motions about a press, for any 
 
 import math
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from analytic.decode import Decoder, Status
 from analytic.inverse.forward_model import readings_with_slopes
+from analytic.parts import Element
 from analytic.shear_terms import softening
 from geometry.arrays import Array
 from geometry.design import Design
@@ -110,21 +112,28 @@ class RelaxingForce:
         return np.asarray(now - leaning * now[2])
 
 
+def least_jumps(coder: Decoder) -> Array:
+    """Return the changes (k,) of readings, T, from which one is a jump whatever the rows before: above noise, and a
+    share of the readings' range in the workspace."""
+    places = np.stack(np.meshgrid(*np.linspace(coder.low, coder.high, 3).T)).reshape(3, -1)
+    spans = np.ptp(readings_with_slopes(coder.forward, places)[0], axis=1)
+    return np.asarray(np.maximum(10 * coder.sigma, LEAST_JUMP * spans))
+
+
 class RowChecks:
     """What is wrong with a row of readings beside the rows before it.
 
     Parameters
     ----------
-    coder : its elements' noise, and the ranges of their readings.
+    elements : of the readings, whose noise counts.
+    least : (k,) changes of readings below which none is a jump.
     jitter : how much later than it was measured a row may come, s, where its time is that of its arrival.
     """
 
-    def __init__(self, coder: Decoder, jitter: float = 0.0) -> None:
+    def __init__(self, elements: Sequence[Element], least: Array, jitter: float = 0.0) -> None:
         # only a noise that moves the converter tells a value at rest from one that is repeated for ever
-        self._dithered = np.array([e.noise > 0 and e.noise >= e.step for e in coder.forward.elements])
-        places = np.stack(np.meshgrid(*np.linspace(coder.low, coder.high, 3).T)).reshape(3, -1)
-        spans = np.ptp(readings_with_slopes(coder.forward, places)[0], axis=1)
-        self._least = np.maximum(10 * coder.sigma, LEAST_JUMP * spans)
+        self._dithered = np.array([e.noise > 0 and e.noise >= e.step for e in elements])
+        self._least = least
         self._repeats, self._row = np.zeros(len(self._least), dtype=int), np.full(len(self._least), np.nan)
         self._steady = self._row
         self._changes: deque[Array] = deque(maxlen=RECENT)
@@ -161,7 +170,8 @@ class TimeSeries:
     """Status and force of decoded rows, by the rows before them; see `RowChecks` and `RelaxingForce`."""
 
     def __init__(self, coder: Decoder, jitter: float = 0.0) -> None:
-        self._checks, self._force = RowChecks(coder, jitter), RelaxingForce(coder.forward.design)
+        self._checks = RowChecks(coder.forward.elements, least_jumps(coder), jitter)
+        self._force = RelaxingForce(coder.forward.design)
         self._lost = False
 
     def step(self, time: float, row: Array, status: Status, force: Array, load: Array) -> tuple[Status, Array]:

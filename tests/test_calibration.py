@@ -19,6 +19,7 @@ from studies.calibration import (
     calibrated_forces,
     calibration_file,
     calibration_study,
+    force_regression,
     sensor_fit,
     simulated_bench,
 )
@@ -153,7 +154,7 @@ def test_held_out_runs_are_not_trained_on(simulated):
     # another load cell in run b, which no other row knows of
     rows[run == "b", 3:6] *= 2
     made = bench_file.Bench(pd.DataFrame({"run": run}), ("S1", "S2", "S3"), [])
-    names, trained, tested = zip(*calibration_study.folds(made, np.arange(2, 40)), strict=True)
+    names, trained, tested = zip(*force_regression.folds(made, np.arange(2, 40)), strict=True)
     assert names == ("a", "b", "c")
     for train, test in zip(trained, tested, strict=True):
         assert len(set(run[test])) == 1
@@ -199,7 +200,7 @@ def test_forces_are_within_their_intervals_after_twelve_presses(bench, calibrati
     assert np.sqrt(np.square(off).sum(axis=1).mean()) < 0.1
     # a quadratic regression from the same twelve presses
     seen = sensor_fit.measured_of(bench_file.read([Path(files[0])], paper()))
-    other = calibration_study.ridge(seen[:, :3], seen[:, 3:6], unseen[["S1_V", "S2_V", "S3_V"]].to_numpy(), 2)
+    other = force_regression.fit(seen[:, :3], seen[:, 3:6], 2).force(unseen[["S1_V", "S2_V", "S3_V"]].to_numpy())
     worse = other - unseen[["true x", "true y", "true z"]].to_numpy()
     assert np.square(worse).sum() > 9 * np.square(off).sum()
 
@@ -550,6 +551,8 @@ def test_swapped_elements_are_told(bench, run, tmp_path):
     cause = "row 7 of swapped:1 repeats another one to the last digit: was it measured again? Else probably"
     # the layout is its own mirror image
     assert f"do not use this calibration; {cause} S2 is exchanged with S3, or Fx_N is exchanged with Fy_N" in err
+    # a regression knows nothing of columns
+    assert f"or take the regression: magtip calibrate paper {tmp_path}/swapped.csv --decoder regression" in err
 
 
 # Temperature
@@ -782,7 +785,7 @@ def test_regressions_lose_accuracy_on_another_run_of_the_same_sensor():
     force = [np.pad(9.80665e-3 * each, ((0, 0), (0, 2)), constant_values=np.nan) for each in F]
 
     def rmse(train, test):
-        found = calibration_study.ridge(*train, test[0], 2)
+        found = force_regression.fit(*train, 2).force(test[0])
         return np.sqrt(np.square(found - test[1])[:, 0].mean())
 
     within = [rmse((b[::2], f[::2]), (b[1::2], f[1::2])) for b, f in zip(B, force, strict=True)]

@@ -25,7 +25,7 @@ ALLOWED = {
     "studies": {"studies", "fem", "analytic", "geometry"},
 }
 SLOW = "build123d OCP pyvista vtkmodules pandas matplotlib altair vl_convert pydantic trimesh pytetwild lib3mf meshio"
-HEAVY = {*SLOW.split(), "SALib", "jinja2", "markdown_it"}
+HEAVY = {*SLOW.split(), "SALib", "jinja2", "markdown_it", "sklearn"}
 FILES = sorted(path for package in ALLOWED for path in (ROOT / package).rglob("*.py"))
 
 

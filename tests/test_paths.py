@@ -94,7 +94,11 @@ def test_neither_order_nor_interruption_of_a_list_decides_its_states():
     for depths in ([*alone], mixed, mixed[2:]):
         for found in press(*depths):
             one = alone[found.load.depth]
-            assert (found.status, found.facts.onset_mm, found.message) == (one.status, one.facts.onset_mm, one.message)
+            assert (found.status, found.facts.onset_mm, found.message) == (
+                one.status,
+                one.facts.onset_mm,
+                one.message,
+            )
             assert found.response.force == pytest.approx(one.response.force, rel=1e-8)
 
 

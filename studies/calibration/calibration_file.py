@@ -11,7 +11,7 @@ import hashlib
 import json
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -27,10 +27,11 @@ from analytic.time_series import RelaxingForce, zero_offset
 from geometry.arrays import Array
 from geometry.design import OF_TIME, BadInput, Design
 from geometry.loads import Load, check_load
-from studies.calibration import bench_file, calibrated_forces
+from studies.calibration import bench_file, calibrated_forces, force_regression
+from studies.calibration.force_regression import Regression
 from studies.calibration.sensor_fit import QUANTILE, Fit, Sensor, Unknowns
 from studies.inputs.option_groups import Decoding, Pose, Reading
-from studies.inputs.table_input import COLDEST, HOTTEST
+from studies.inputs.table_input import COLDEST, HOTTEST, numbers_of
 from studies.inputs.user_input import parse_numbers
 from studies.mechanics.loading_cycles import MadeStates
 from studies.output import atomic_files, console
@@ -64,8 +65,8 @@ def as_text(
     """Return the content of calibration.json: what who uses it is warned of; with failures, why nothing may."""
     sensor = found.sensor
     law = {name: np.asarray(value).tolist() for name, value in dataclasses.asdict(sensor.mechanics).items()}
-    record: dict[str, Any] = {
-        "format": FORMAT,
+    return _signed({
+        "decoder": "model",
         "design": dataclasses.asdict(sensor.design),
         "mechanics_source": source,
         "lag_s": lag,
@@ -79,7 +80,17 @@ def as_text(
         "force_share": sensor.force_share,
         "temperature_C": sensor.temperature_C,
         "mechanics": law,
-    }
+    })  # fmt: skip
+
+
+def regression_text(found: Regression, lag: float | None, warnings: Sequence[str] = ()) -> str:
+    """Return the content of calibration.json for a regression: what who uses it is warned of."""
+    record = force_regression.record_of(found)
+    return _signed({"decoder": "regression", **record, "lag_s": lag, "warnings": list(warnings), "failures": []})
+
+
+def _signed(record: dict[str, Any]) -> str:
+    record = {"format": FORMAT} | record
     return json.dumps(record | {"digest": digest_of(record)}, indent=1) + "\n"
 
 
@@ -90,6 +101,23 @@ def digest_of(record: dict[str, Any]) -> str:
 
 
 def read(path: Path) -> Fit:
+    """Read calibration.json of a sensor's model.
+
+    Raises
+    ------
+    BadInput
+        As `read_any`, or it holds a regression.
+    """
+    found = read_any(path)
+    if isinstance(found, Regression):
+        raise BadInput(
+            f"{path} holds a regression, which knows neither magnet nor mechanics: give what magtip calibrate writes "
+            "with --decoder model, or use it in decode, stream or firmware"
+        )
+    return found
+
+
+def read_any(path: Path) -> Fit | Regression:
     """Read calibration.json.
 
     Raises
@@ -105,7 +133,8 @@ def read(path: Path) -> Fit:
     if record.get("digest") != digest_of(record):
         raise BadInput(f"{path} was edited, since its digest does not match what it holds: calibrate again")
     try:
-        found, failures, warnings = _fit_of(record)
+        found = DECODERS[record.get("decoder", "model")](record)
+        failures, warnings = (_texts(record, name) for name in ("failures", "warnings"))
     except (KeyError, TypeError, ValueError) as error:
         raise BadInput(f"{path} is no calibration ({error}): {give}") from None
     if failures:
@@ -115,50 +144,49 @@ def read(path: Path) -> Fit:
     return found
 
 
-def _fit_of(record: dict[str, Any]) -> tuple[Fit, list[str], list[str]]:
-    """Return the sensor of a record, why it is of no use, and warnings; raise for what magtip does not write."""
+DECODERS: dict[str, Callable[[dict[str, Any]], Fit | Regression]]
+DECODERS = {"model": lambda record: _fit_of(record), "regression": force_regression.of_record}
+"""What reads the record of each decoder."""
+
+
+def _texts(record: dict[str, Any], name: str) -> list[str]:
+    texts = record[name]
+    if not (isinstance(texts, list) and all(isinstance(text, str) for text in texts)):
+        raise ValueError(f"{name} must be a list of sentences")
+    return texts
+
+
+def _fit_of(record: dict[str, Any]) -> Fit:
+    """Return the sensor of a record; raise ValueError, KeyError or TypeError for what magtip does not write."""
     rows, law, design = record["unknowns"], record["mechanics"], Design(**record["design"])
     count, elements = len(rows), len(parts.of_design(design))
     un = Unknowns(
         tuple(str(row["name"]) for row in rows),
         tuple(str(row["unit"]) for row in rows),
-        _numbers("prior", [row["prior"] for row in rows], count),
-        _numbers("prior_deviation", [row["prior_deviation"] for row in rows], count),
+        numbers_of("prior", [row["prior"] for row in rows], count),
+        numbers_of("prior_deviation", [row["prior_deviation"] for row in rows], count),
     )
     if not (un.deviation >= 0).all() or len(set(un.names)) < count:
         raise ValueError("deviations must be 0 or more, and names of unknowns differ")
     shapes: dict[str, tuple[int | None, ...]]
     shapes = {"tau": (None, None), "lateral": (None, None), "normal": (None, None)}
     shapes |= {"depth": (None, None), "shear": (None, None), "errors": (5,), "reach": (), "sink": ()}
-    fields: Any = {name: _numbers(name, law[name], *shape) for name, shape in shapes.items()}
+    fields: Any = {name: numbers_of(name, law[name], *shape) for name, shape in shapes.items()}
     fields |= {name: float(fields[name]) for name in ("reach", "sink")} | {"errors": tuple(fields["errors"].tolist())}
     least, most = (float(end) for end in law["lean"])
-    mechanics = Mechanics(**fields, lean=(least, most), slack=float(_numbers("slack", law["slack"])))
-    noise = _numbers("noise", record["noise"], elements)
+    mechanics = Mechanics(**fields, lean=(least, most), slack=float(numbers_of("slack", law["slack"])))
+    noise = numbers_of("noise", record["noise"], elements)
     force, share, T_0, growth = (
-        float(_numbers(name, record[name])) for name in ("force_noise_N", "force_share", "temperature_C", "growth")
+        float(numbers_of(name, record[name])) for name in ("force_noise_N", "force_share", "temperature_C", "growth")
     )
     if not (min(*noise.tolist(), force) > 0 and share >= 0 and growth >= 1):
         raise ValueError("errors of readings and forces must be above 0, and growth at least 1")
     sensor = Sensor(design, mechanics, un, noise, force, force_share=share, temperature_C=T_0)
-    theta = _numbers("value", [row["value"] for row in rows], count)
-    covariance = _numbers("covariance", record["covariance"], count, count)
+    theta = numbers_of("value", [row["value"] for row in rows], count)
+    covariance = numbers_of("covariance", record["covariance"], count, count)
     # growth is in the covariance already; of the decoder's own noise it is the factor too
     nothing = np.zeros((0, 3))
-    found = Fit(sensor, theta, covariance, nothing, nothing, growth, 1.0)
-    for name in ("failures", "warnings"):
-        if not (isinstance(record[name], list) and all(isinstance(text, str) for text in record[name])):
-            raise ValueError(f"{name} must be a list of sentences")
-    return found, record["failures"], record["warnings"]
-
-
-def _numbers(name: str, value: Any, *shape: int | None) -> Array:
-    """Return finite numbers of a shape, in which None stands for any length."""
-    found = np.array(value, dtype=float)
-    fits = len(found.shape) == len(shape) and all(n in (None, m) for n, m in zip(shape, found.shape, strict=True))
-    if not (fits and found.size and np.isfinite(found).all()):
-        raise ValueError(f"{name} must hold finite numbers of another shape than {found.shape}")
-    return found
+    return Fit(sensor, theta, covariance, nothing, nothing, growth, 1.0)
 
 
 def of_design(path: Path, design: Design) -> Fit:
@@ -167,10 +195,30 @@ def of_design(path: Path, design: Design) -> Fit:
     Raises
     ------
     BadInput
-        The file is no calibration, or one of another design.
+        The file is no calibration by a model, or one of another design.
     """
-    found = read(path)
-    nominal, estimated, given = (dataclasses.asdict(each) for each in (found.sensor.design, found.design, design))
+    return _for_design(path, read(path), design)
+
+
+def decoder_of(path: Path, design: Design) -> Fit | Regression:
+    """Read calibration.json, of a model or of a regression, as `of_design` does."""
+    found = read_any(path)
+    if isinstance(found, Fit):
+        return _for_design(path, found, design)
+    _check_design(path, design, found.design, found.design)
+    return dataclasses.replace(found, design=design)
+
+
+def _for_design(path: Path, found: Fit, design: Design) -> Fit:
+    _check_design(path, design, found.sensor.design, found.design)
+    time = {name: getattr(design, name) for name in OF_TIME}
+    sensor = dataclasses.replace(found.sensor, design=dataclasses.replace(found.sensor.design, **time))
+    return dataclasses.replace(found, sensor=sensor)
+
+
+def _check_design(path: Path, design: Design, *calibrated: Design) -> None:
+    """Refuse a design that is neither the nominal one of a calibration nor the estimated one, but for its time."""
+    given, nominal, estimated = (dataclasses.asdict(each) for each in (design, *calibrated))
     names = [name for name in given if name not in OF_TIME]
     # a value that was fixed is the same in both
     if not any(all(given[name] == each[name] for name in names) for each in (nominal, estimated)):
@@ -180,9 +228,6 @@ def of_design(path: Path, design: Design) -> Fit:
             f"{path} is the calibration of another design, whose {name} is {nominal[name]} and not {given[name]}: "
             "give the design that was calibrated, or the design.toml beside the calibration"
         )
-    time = {name: given[name] for name in OF_TIME}
-    sensor = dataclasses.replace(found.sensor, design=dataclasses.replace(found.sensor.design, **time))
-    return dataclasses.replace(found, sensor=sensor)
 
 
 def describes(found: Fit, design: Design) -> bool:
@@ -349,12 +394,51 @@ def decoded_arrays(
     return np.where(full, "saturated", answer.status).tolist(), force, half, shift, load
 
 
-def is_thermal(found: Fit) -> bool:
-    """Return whether the readings of an estimated sensor depend on its temperature: whether its bench had one."""
+def regressed_rows(
+    found: Regression, readings: Array, times: Array | None, temperature: Array, offset: Array | None = None
+) -> list[FlatRow]:
+    """Return the columns of `decoded_rows` by a regression: no shift, and forces of slow loading, with times, too."""
+    words, force, half = found.decode(readings, temperature, offset)
+    if times is not None:
+        series = found.series()
+        words = [series.step(*row) for row in zip(times.tolist(), readings, words, strict=True)]
+        frozen = [word == "frozen" for word in words]
+        force[frozen] = half[frozen] = np.nan
+    unknown = np.full((len(words), 3 if times is None else 3 + len(decode_readings.TIME_COLUMNS)), np.nan)
+    columns = DECODED if times is None else (*DECODED, *decode_readings.TIME_COLUMNS)
+    return [
+        dict(zip(columns, (word, *row), strict=True))
+        for word, row in zip(words, np.hstack([force, half, unknown]).tolist(), strict=True)
+    ]
+
+
+def regression_sentences(found: Regression, known: int, count: int, *, timed: bool) -> list[str]:
+    """Return what a regression does not know of rows of which some have known temperatures, in words."""
+    said = []
+    if timed:
+        said.append(
+            f"a {found.words} gives forces of loading as slow as on the bench: what the silicone relaxes is not known"
+        )
+    if not found.is_thermal:
+        unused = "the rows have temperatures, but the bench of the calibration had none: they are not used"
+        return said + [unused] * (known > 0)
+    if known < count:
+        cold, warm = found.temperature_C
+        said.append(
+            f"the temperature of {count - known} of {count} rows is not known: their intervals hold from {cold:.3g} "
+            f"to {warm:.3g} C, as on the bench"
+        )
+    return said
+
+
+def is_thermal(found: Fit | Regression) -> bool:
+    """Return whether temperatures of readings count: whether the bench had some."""
+    if isinstance(found, Regression):
+        return found.is_thermal
     return bool({"remanence_per_K", "gain_per_K"} & {*found.sensor.unknowns.names})
 
 
-def given_temperature(found: Fit, temperature: float | None) -> float:
+def given_temperature(found: Fit | Regression, temperature: float | None) -> float:
     """Return the temperature, C, that an option gives; NaN without one."""
     if temperature is None:
         return math.nan
@@ -399,17 +483,54 @@ def at_rails(design: Design, readings: Array) -> NDArray[np.bool_]:
     return np.asarray((readings <= low) | (readings >= high))
 
 
-def _decode_one(found: Fit, text: str, temperature: float) -> Result:
+def _rows(
+    found: Fit | Regression,
+    readings: Array,
+    times: Array | None,
+    temperature: Array,
+    at_rest: NDArray[np.bool_] | None = None,
+) -> tuple[list[FlatRow], list[str]]:
+    """Return decoded rows of readings (n, k) at temperatures (n,), C, and what is to be said of them.
+
+    at_rest : (n,) rows whose readings are taken for those at rest.
+    """
+    if isinstance(found, Regression):
+        known, offset = int(np.isfinite(temperature).sum()), None
+        said = regression_sentences(found, known, len(temperature), timed=times is not None)
+        if at_rest is not None:
+            found.check_zero()
+            offset = found.zero_offset(readings_within(found.design, readings[at_rest]))
+            said += found.zero_doubts(offset)
+        return regressed_rows(found, readings, times, temperature, offset), said
+    warmer, said = warmer_of(found, temperature)
+    offset, design = None, found.sensor.design
+    if at_rest is not None:
+        within = readings_within(design, readings[at_rest])
+        rest = calibrated_forces.fields_of(found, within, warmer[at_rest])
+        offset = zero_offset(calibrated_forces.coder_of(found), rest)
+        said += calibrated_forces.zero_doubts(found, offset, warm=bool(np.isfinite(warmer).all()))
+    rows = decoded_rows(found, readings, times, warmer, offset)
+    if times is not None:
+        relaxing = np.array([[row[name] for name in decode_readings.TIME_COLUMNS] for row in rows])
+        said += decode_readings.law_sentences(design, relaxing)
+    return rows, said
+
+
+def readings_within(design: Design, readings: Array) -> Array:
+    """Return readings (n, k), NaN for those at a rail."""
+    return np.where(at_rails(design, readings), np.nan, readings)
+
+
+def _decode_one(found: Fit | Regression, design: Design, text: str, temperature: float) -> Result:
     """Decode one set of readings a,b,c at a temperature, C, NaN if it is not known."""
-    names, values = parts.columns(parts.of_design(found.sensor.design)), parse_numbers("--readings", text)
+    names, values = parts.columns(parts.of_design(design)), parse_numbers("--readings", text)
     if len(values) != len(names):
         raise BadInput(f"--readings takes {len(names)} numbers, {','.join(names)}; got {len(values)}")
-    warmer, said = warmer_of(found, np.array([temperature]))
-    (row,) = decoded_rows(found, np.array([values]), None, warmer)
+    (row,), said = _rows(found, np.array([values]), None, np.array([temperature]))
     record = {
         "status": row["status"],
         "message": decode_readings.WHY[row["status"]],
-        "level": "calibration",
+        "level": "regression" if isinstance(found, Regression) else "calibration",
         "readings": values,
     }
     if is_thermal(found):
@@ -439,10 +560,10 @@ def decode(design: Design, decoding: Decoding, out: Path | None, *, as_json: boo
     ):
         if given:
             raise BadInput(f"{option} has no place beside --calibration, which fixes it: leave it out")
-    found = of_design(path, design)
+    found = decoder_of(path, design)
     warmth = given_temperature(found, decoding.temperature)
     if decoding.readings is not None:
-        return _decode_one(found, decoding.readings, warmth)
+        return _decode_one(found, design, decoding.readings, warmth)
     assert decoding.file is not None
     target = None if out is None else atomic_files.check_output_file(out, ".csv")
     raw, numbers, times, temperature = bench_file.read_readings(decoding.file, design)
@@ -452,15 +573,10 @@ def decode(design: Design, decoding: Decoding, out: Path | None, *, as_json: boo
         if np.isfinite(temperature).any():
             raise BadInput(f"{decoding.file} has temperatures: leave --temperature out")
         temperature = np.full(len(numbers), warmth)
-    warmer, said = warmer_of(found, temperature)
-    offset = None
+    at_rest = None
     if decoding.zero is not None:
-        full = at_rails(design, numbers)
-        at_rest = decode_readings.rows_at_rest(decoding, numbers, times, full)
-        rest = calibrated_forces.fields_of(found, np.where(full, np.nan, numbers)[at_rest], warmer[at_rest])
-        offset = zero_offset(calibrated_forces.coder_of(found), rest)
-        said += calibrated_forces.zero_doubts(found, offset, warm=bool(np.isfinite(warmer).all()))
-    decoded = decoded_rows(found, numbers, times, warmer, offset)
+        at_rest = decode_readings.rows_at_rest(decoding, numbers, times, at_rails(design, numbers))
+    decoded, said = _rows(found, numbers, times, temperature, at_rest)
     rows = [{**texts, **row} for texts, row in zip(raw.fillna("").to_dict("records"), decoded, strict=True)]
     table = table_of(rows).to_csv(index=False)
     if target is not None:
@@ -471,9 +587,6 @@ def decode(design: Design, decoding: Decoding, out: Path | None, *, as_json: boo
     said += [
         f"{n} of {len(rows)} rows {word}: {decode_readings.WHY[word]}" for word, n in counts.items() if word != "ok"
     ]
-    if times is not None:
-        relaxing = np.array([[row[name] for name in decode_readings.TIME_COLUMNS] for row in decoded])
-        said += decode_readings.law_sentences(found.sensor.design, relaxing)
     lost = sum(n for word, n in counts.items() if word not in decode_readings.WITH_POSE)
     return Result(
         title="Decoded rows",

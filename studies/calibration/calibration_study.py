@@ -19,8 +19,16 @@ from geometry.arrays import Array, Ints
 from geometry.design import BadInput, Design
 from geometry.loads import Load
 from geometry.messages import Progress
-from studies.calibration import bench_file, calibrated_forces, calibration_file, sensor_fit
+from studies.calibration import (
+    bench_file,
+    calibrated_forces,
+    calibration_file,
+    force_regression,
+    regression_study,
+    sensor_fit,
+)
 from studies.calibration.bench_file import FORCES, MOTIONS, Bench
+from studies.calibration.regression_study import ASSUMED_NOISE, MODEL, Recorded
 from studies.calibration.sensor_fit import Fit, Sensor
 from studies.inputs.option_groups import Calibrating
 from studies.inputs.table_input import UNITS
@@ -38,12 +46,10 @@ if TYPE_CHECKING:
 
 FILES = (
     *("CALIBRATION.md", "calibration.json", "design.toml", "calibration.png"),
-    *("unknowns.csv", "held_out.csv", "learning.csv", "residuals.csv", "columns.csv"),
+    *("unknowns.csv", "held_out.csv", "learning.csv", "residuals.csv", "columns.csv", "decoders.csv"),
 )
 SIZES = (12, 30, 100, 300, 1000, 3000)
 """Numbers of rows of the learning curve."""
-FOLDS = 5
-"""Parts in which a single run is held out, each of consecutive rows."""
 TOGETHER, IRRELEVANT = 0.9, 0.05
 """Correlation of two unknowns that is told; share of the force's variance below which it does not depend on them."""
 SOLVED_ERROR = 0.01
@@ -73,7 +79,7 @@ MOST_ROWS = 3000
 DOUBTED, CERTAIN = 3.0, 1000.0
 """Estimated over expected error of the forces from which such columns are sought, and how much better rows must fit
 with them so that a bench is refused."""
-METHODS = ("calibration", "linear ridge", "quadratic ridge")
+METHODS = (MODEL, "linear ridge", "quadratic ridge")
 LAGS = np.linspace(-0.2, 0.2, 41)
 """Lags of the force behind the readings that are tried, s."""
 
@@ -117,19 +123,21 @@ def estimate_lag(bench: Bench) -> float | None:
     known = np.isfinite(readings).all(axis=1) & np.isfinite(time)
     if not step < LAGS[-1] / 2 or known.sum() < 100:
         return None
-    X = _features(readings, 2, readings[known])
-    scores = []
+    scale = readings[known].std(axis=0)
+    scores = (readings - readings[known].mean(axis=0)) / np.where(scale > 0, scale, 1.0)
+    X = np.column_stack([np.ones(len(scores)), force_regression.products(scores, 2)])
+    misfits = []
     for lag in LAGS:
         moved = _delayed(bench, force, lag)
         rows = known & np.isfinite(moved).any(axis=1)
         y = moved[rows][:, np.isfinite(moved[rows]).all(axis=0)]
-        scores.append(np.square(y - X[rows] @ np.linalg.lstsq(X[rows], y, rcond=None)[0]).mean())
-    best = int(np.argmin(scores))
-    if scores[best] > 0.98 * scores[len(LAGS) // 2]:
+        misfits.append(np.square(y - X[rows] @ np.linalg.lstsq(X[rows], y, rcond=None)[0]).mean())
+    best = int(np.argmin(misfits))
+    if misfits[best] > 0.98 * misfits[len(LAGS) // 2]:
         return 0.0
     if best in (0, len(LAGS) - 1):
         return None
-    a, b, c = scores[best - 1 : best + 2]
+    a, b, c = misfits[best - 1 : best + 2]
     return float(LAGS[best] + (LAGS[1] - LAGS[0]) * (a - c) / (2 * (a - 2 * b + c)))
 
 
@@ -147,54 +155,7 @@ def _delayed(bench: Bench, values: Array, lag: float) -> Array:
     return moved
 
 
-# Held-out runs and regressions
-
-
-def _features(readings: Array, degree: int, like: Array) -> Array:
-    """Return powers and products of readings (n, k), standardised as those of `like`, up to a degree, with ones."""
-    scale = like.std(axis=0)
-    x = (readings - like.mean(axis=0)) / np.where(scale > 0, scale, 1.0)
-    columns = [np.ones(len(x))]
-    for d in range(1, degree + 1):
-        columns += [x[:, list(c)].prod(axis=1) for c in itertools.combinations_with_replacement(range(x.shape[1]), d)]
-    return np.stack(columns, axis=1)
-
-
-def ridge(readings: Array, force: Array, asked: Array, degree: int) -> Array:
-    """Return forces (m, 3) at readings (m, k) by ridge regression on rows (n, k) and (n, 3).
-
-    The penalty is the one with the least generalised cross-validation (Golub, Heath and Wahba, Technometrics 21,
-    1979). A component that was not measured is NaN.
-    """
-    X, at = (_features(each, degree, readings) for each in (readings, asked))
-    found = np.full((len(asked), 3), np.nan)
-    for k in range(3):
-        known = np.isfinite(force[:, k])
-        if known.sum() < 2:
-            continue
-        y, mean = force[known, k], force[known, k].mean()
-        U, s, Vt = np.linalg.svd(X[known], full_matrices=False)
-        part, best = U.T @ (y - mean), math.inf
-        for penalty in np.geomspace(1e-8, 1e2, 41) * len(y):
-            shrink = s**2 / (s**2 + penalty)
-            left = np.square(y - mean - U @ (shrink * part)).sum() / max(len(y) - 1 - shrink.sum(), 1e-9) ** 2
-            if left < best:
-                best, weights = left, Vt.T @ (s / (s**2 + penalty) * part)
-        found[:, k] = mean + at @ weights
-    return found
-
-
-def folds(bench: Bench, rows: Ints) -> Iterator[tuple[str, Ints, Ints]]:
-    """Yield name, training rows and held-out rows: whole runs in turn, or parts of the only run."""
-    run = bench.table["run"].to_numpy()[rows]
-    if len(set(run)) > 1:
-        for name in bench.runs:
-            if (run == name).any():
-                yield name, rows[run != name], rows[run == name]
-    else:
-        count = min(FOLDS, len(rows))
-        for k, part in enumerate(np.array_split(rows, count), 1):
-            yield f"part {k} of {count}", np.setdiff1d(rows, part), part
+# Held-out runs
 
 
 def _score(force: Array, truth: Array, full_scale: float) -> FlatRow:
@@ -226,17 +187,19 @@ def held_out(
     table: list[FlatRow] = []
     curve: list[FlatRow] = []
     force = np.full_like(truth, np.nan)
-    every = list(folds(bench, rows))
+    every = list(force_regression.folds(bench, rows))
     whole = round(float(np.mean([len(train) for _, train, _ in every])))
     for place, (name, train, test) in enumerate(every):
         progress(0.2 + 0.7 * place / len(every), f"without {name}")
-        sizes = [size for size in SIZES if size < len(train)] if place < FOLDS else []
+        sizes = [size for size in SIZES if size < len(train)] if place < force_regression.FOLDS else []
         for size in [*sizes, len(train)]:
             # with one seed the smaller sets are parts of the larger ones
             own = np.sort(np.random.default_rng(place).permutation(train)[:size])
             found = sensor_fit.fit(sensor, measured[own], warmer[own])
             decoded = calibrated_forces.decode(found, readings[test], warmer[test])
-            answers = [decoded.force] + [ridge(readings[own], truth[own], readings[test], n) for n in (1, 2)]
+            answers = [decoded.force] + [
+                force_regression.fit(readings[own], truth[own], n).force(readings[test]) for n in (1, 2)
+            ]
             for method, answer in zip(METHODS, answers, strict=True):
                 score: FlatRow = {"method": method, "held_out": name}
                 score |= _score(answer, truth[test], full_scale)
@@ -468,8 +431,19 @@ def advice(found: Fit) -> str:
 # The study
 
 
-def run(design: Design, made: Tolerances, files: Sequence[Path], options: Calibrating, progress: Progress) -> Result:
-    """Calibrate a sensor from files that a test stand recorded.
+def run(
+    design: Design,
+    made: Tolerances,
+    files: Sequence[Path],
+    options: Calibrating,
+    command: str,
+    progress: Progress,
+) -> Result:
+    """Calibrate a sensor from files that a test stand recorded, by its model or by a regression.
+
+    made : tolerances of the sensor, from which the priors follow.
+    command : command line of the study, for the one of the other decoder.
+
 
     made : tolerances of the sensor, from which the priors follow.
 
@@ -486,20 +460,59 @@ def run(design: Design, made: Tolerances, files: Sequence[Path], options: Calibr
     fixed = pairs("--fix", options.fix or [], "remanence=1")
     values = {name: parse_numbers(f"--fix {name}", text)[0] for name, text in fixed.items()}
     bench = bench_file.read(files, design, pairs("--column", options.columns or [], "S1=X0"), options.force_sign)
-    progress(0.0, "mechanics")
-    law, source, error = mechanics_of(design, options.responses)
-    un = sensor_fit.unknowns_of(design, bench, made, freed=options.free or [], fixed=values, model_error=error)
-    noise, noise_source = noise_of(design)
-    measured, k, lag = sensor_fit.measured_of(bench), len(noise), estimate_lag(bench)
+    recorded = rows_of(design, bench)
+    if options.decoder == "model":
+        return _modelled(design, recorded, options, (made, values), f"{command} --decoder regression", progress)
+    compared = regression_study.compared(design, recorded, options.force_noise)
+    other = command.replace(" --decoder regression", "")
+    try:
+        model: Result | str = _modelled(design, recorded, options, (made, values), command, progress)
+    except BadInput as error:
+        model = str(error)
+    return regression_study.result(compared, model, other, figures)
+
+
+def rows_of(design: Design, bench: Bench) -> Recorded:
+    """Return the rows of a bench with forces at the times of the readings, and which of them count."""
+    measured, k, lag = sensor_fit.measured_of(bench), len(bench.readings), estimate_lag(bench)
     truth = measured[:, k : k + 3]
     if lag:
         truth[:] = _delayed(bench, truth, lag)
-    full_scale = float(np.nanmax(np.abs(truth)))
-    sensor = Sensor(design, law, un, noise, force_noise or 0.005 * full_scale)
     full = calibration_file.at_rails(design, measured[:, :k])
     complete = np.isfinite(measured[:, :k]).all(axis=1) & np.isfinite(truth).any(axis=1) & ~full.any(axis=1)
-    usable, warmer = np.flatnonzero(complete), sensor_fit.warmer_of(sensor, bench)
+    usable = np.flatnonzero(complete)
     rows = usable[np.linspace(0, len(usable) - 1, min(len(usable), MOST_ROWS)).round().astype(int)]
+    at_rail, copied = _odd_rows(bench, full)
+    said = [*at_rail, *copied]
+    if len(rows) < len(usable):
+        said.append(f"{len(rows)} of {len(usable)} rows are used, evenly spaced: more would teach hardly anything")
+    return Recorded(bench, measured, lag, rows, said, copied)
+
+
+def _modelled(
+    design: Design,
+    recorded: Recorded,
+    options: Calibrating,
+    known: tuple[Tolerances, Mapping[str, float]],
+    other: str,
+    progress: Progress,
+) -> Result:
+    """Return the calibration by the model of the sensor.
+
+    known : tolerances, and values of unknowns that are not estimated.
+    other : command of the regression.
+    """
+    progress(0.0, "mechanics")
+    bench, measured, rows, force_noise = recorded.bench, recorded.measured, recorded.rows, options.force_noise
+    made, values = known
+    law, source, error = mechanics_of(design, options.responses)
+    un = sensor_fit.unknowns_of(design, bench, made, freed=options.free or [], fixed=values, model_error=error)
+    noise, noise_source = noise_of(design)
+    k = len(noise)
+    truth = measured[:, k : k + 3]
+    full_scale = float(np.nanmax(np.abs(truth)))
+    sensor = Sensor(design, law, un, noise, force_noise or ASSUMED_NOISE * full_scale)
+    warmer = sensor_fit.warmer_of(sensor, bench)
     progress(0.1, f"{len(rows)} rows")
     fit = partial(sensor_fit.fit if force_noise else sensor_fit.fit_with_noise, sensor)
     found, doubtful, worst = _estimated(fit, sensor, measured[rows], warmer[rows])
@@ -507,8 +520,7 @@ def run(design: Design, made: Tolerances, files: Sequence[Path], options: Calibr
     hint, better = mistaken(sensor, measured[rows], warmer[rows], bench.readings) if doubtful else ("", 1.0)
     if better > CERTAIN:
         raise BadInput(f"the columns are not what their heads say: {hint}")
-    at_rail, copied = _odd_rows(bench, full)
-    check = " Else ".join([*copied, hint or CHECK])
+    check = " Else ".join([*recorded.copied, hint or CHECK])
     for name in ("modulus", "remanence"):
         if not (factor := float(sensor.value(found.theta, name))) > 0:
             raise BadInput(
@@ -519,22 +531,22 @@ def run(design: Design, made: Tolerances, files: Sequence[Path], options: Calibr
         table, curve, force = held_out(found.sensor, measured, warmer, bench, rows, progress)
     except BadInput as error:
         raise BadInput(f"no sensor of this design has these rows ({error}): {check}") from None
-    if not doubtful and not odd and _failures(_summary(table), ""):
+    summary = _summary(table)
+    if not doubtful and not odd and _failures(summary, ""):
         hint, _ = mistaken(sensor, measured[rows], warmer[rows], bench.readings)
     progress(0.95, "pictures")
     tables: dict[str, Rows] = {
         "unknowns": calibration_file.unknown_rows(found), "held_out": table, "learning": curve,
         "residuals": residual_rows(found, bench, rows), "columns": bench.understood,
+        "decoders": regression_study.decoders(recorded, force, summary[0]),
     }  # fmt: skip
     origin: FlatRow = {
-        "mechanics": source, "lag_s": lag, "full_scale": full_scale, "noise_source": noise_source,
+        "mechanics": source, "lag_s": recorded.lag, "full_scale": full_scale, "noise_source": noise_source,
         "estimated": found.sensor.force_noise != sensor.force_noise, "hint": hint,
-        "check": " Else ".join([*copied, hint or CHECK]),
+        "check": " Else ".join([*recorded.copied, hint or CHECK]), "other": other,
     }  # fmt: skip
     drawn = partial(figures, truth[rows], force[rows], curve)
-    said = [*at_rail, *copied, *odd]
-    if len(rows) < len(usable):
-        said.append(f"{len(rows)} of {len(usable)} rows are used, evenly spaced: more would teach hardly anything")
+    said = [*recorded.said, *odd]
     if force_noise is None and not origin["estimated"]:
         said.append(
             "the readings are less exact than the forces, so their residuals do not tell the error of the forces: "
@@ -605,13 +617,19 @@ def _result(
 ) -> Result:
     sensor, design, summary = found.sensor, found.sensor.design, _summary(tables["held_out"])
     said, warnings = [*sentences(found), advice(found)], _warnings(found, tables, outliers, summary[0])
-    failures = _failures(summary, str(origin["check"]))
+    best = regression_study.best_of(tables["decoders"][1:])
+    why = regression_study.why_model(summary[0], best, str(origin["other"]))
+    failures = [
+        f"{text}, or take the regression: {origin['other']}" if best else text
+        for text in _failures(summary, str(origin["check"]))
+    ]
     if origin["hint"] and not failures:
         warnings.insert(0, origin["hint"])
     record: FlatRow = {
-        "rows": len(found.shift), "runs": len(bench.runs), "mechanics": origin["mechanics"],
+        "decoder": "model", "rows": len(found.shift), "runs": len(bench.runs), "mechanics": origin["mechanics"],
         "lag_s": origin["lag_s"], "chi2": found.chi2, "freedom": found.freedom, "growth": found.growth,
-        "unknowns": tables["unknowns"], "held_out": tables["held_out"], "sentences": said,
+        "unknowns": tables["unknowns"], "held_out": tables["held_out"], "decoders": tables["decoders"],
+        "sentences": said,
     }  # fmt: skip
     page = page_templates.rendered(
         Path(__file__).with_name("CALIBRATION.md.j2"),
@@ -621,6 +639,7 @@ def _result(
         summary=summary,
         said=said,
         warnings=warnings,
+        why=why,
         force_noise=sensor.force_noise,
         force_share=100 * sensor.force_share,
         noise=dict(zip(bench.readings, sensor.noise.tolist(), strict=True)),
@@ -686,31 +705,32 @@ def _curve(curve: Rows) -> list[FlatRow]:
 
 
 def figures(truth: Array, force: Array, curve: Rows) -> list[Figure]:
-    """Return errors over measured forces (n, 3) of held-out rows, and the learning curve."""
+    """Return errors over measured forces (n, 3) of held-out rows, and the learning curve if there is one."""
     import pandas as pd
 
     shown = pd.DataFrame(truth, columns=list("xyz")).melt(var_name="series", value_name="measured force (N)")
     shown["series"] = shown["panel"] = "F" + shown.series
     shown["error of the decoded force (N)"] = (force - truth).T.ravel()
+    errors = plot(
+        "Error of decoded forces",
+        "Decoded less measured force of rows that the calibration has not seen, over the measured force.",
+        shown.dropna(subset="measured force (N)"),
+        "measured force (N)",
+        "error of the decoded force (N)",
+        Look(line=False, guides=(Guide("y", 0.0, ""),), shared=False),
+    )
+    if not curve:
+        return [errors]
     learned = pd.DataFrame(curve).rename(
         columns={"training_rows": "training rows (1)", "rmse_N": "RMSE on held-out rows (N)"}
     )
     learned = learned.groupby(["method", "training rows (1)"], sort=True)["RMSE on held-out rows (N)"].mean()
-    return [
-        plot(
-            "Error of decoded forces",
-            "Decoded less measured force of rows that the calibration has not seen, over the measured force.",
-            shown.dropna(subset="measured force (N)"),
-            "measured force (N)",
-            "error of the decoded force (N)",
-            Look(line=False, guides=(Guide("y", 0.0, ""),), shared=False),
-        ),
-        plot(
-            "Learning curve",
-            "Mean error on held-out rows over the number of rows that a method was given.",
-            learned.reset_index().rename(columns={"method": "series"}),
-            "training rows (1)",
-            "RMSE on held-out rows (N)",
-            Look(log="xy" if len(learned.index.unique(1)) > 1 else "y"),
-        ),
-    ]
+    learning = plot(
+        "Learning curve",
+        "Mean error on held-out rows over the number of rows that a method was given.",
+        learned.reset_index().rename(columns={"method": "series"}),
+        "training rows (1)",
+        "RMSE on held-out rows (N)",
+        Look(log="xy" if len(learned.index.unique(1)) > 1 else "y"),
+    )
+    return [errors, learning]

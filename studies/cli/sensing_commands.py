@@ -133,7 +133,7 @@ def calibrate(
     design = call.design()
     if not options.scan:
         made = parse_tolerances(options.tolerances or [], design, call.source)
-        return publish(partial(calibration_study.run, design, made, bench, options), here)
+        return publish(partial(calibration_study.run, design, made, bench, options, call.command), here)
     if len(bench) > 1 or options != option_groups.Calibrating(scan=True):
         raise BadInput("--scan takes one file and no options of presses: leave the others out")
     return publish(partial(magnet_scan.run, design, bench[0]), here)

@@ -24,7 +24,7 @@ from analytic.inverse.forward_model import magnets_at, readings_at, readings_wit
 from analytic.inverse.response_surface import force_and_load
 from analytic.parts import with_noise
 from analytic.shear_terms import softening
-from analytic.time_series import LEAST_JUMP
+from analytic.time_series import least_jumps
 from geometry.arrays import Array
 from geometry.design import BadInput
 from geometry.relaxation import moduli, relaxation_of
@@ -225,8 +225,6 @@ def _mechanics(coder: Decoder) -> dict[str, Any]:
     law, elements = coder.mechanics, coder.forward.elements
     assert law is not None
     rest = readings_at(coder.forward, np.zeros((3, 1)))
-    places = np.stack(np.meshgrid(*np.linspace(coder.low, coder.high, 3).T)).reshape(3, -1)
-    spans = np.ptp(readings_at(coder.forward, places), axis=1)
     (tau, least, most), offset, tilt = coder.forward.kernel[4]
     # beyond its range, tau nears a limit as far off as the range is wide
     angle = math.hypot(*_reach(coder)[1][:2]) * max(abs(2 * most - least), abs(2 * least - most))
@@ -244,7 +242,7 @@ def _mechanics(coder: Decoder) -> dict[str, Any]:
         "noise": [e.noise_T for e in with_noise(elements)[0]],
         "rest": rest[:, 0],
         "tolerance": coder.goal.tolerance,
-        "least_jump": np.maximum(10 * coder.sigma, LEAST_JUMP * spans),
+        "least_jump": least_jumps(coder),
         "tau": tau,
         # as in `analytic.inverse.forward_model.place_magnets`
         "offset": offset,

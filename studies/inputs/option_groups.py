@@ -284,6 +284,9 @@ class Calibrating:
     """NAME=VALUE: unknown that is not estimated, such as remanence=1; repeatable."""
     tolerances: Annotated[list[str] | None, Parameter(name="--tolerance")] = None
     """NAME=VALUE: largest deviation of a built sensor, as in `sensitivity`, which gives the priors; repeatable."""
+    decoder: Literal["model", "regression"] = "model"
+    """What calibration.json holds: the model of the made sensor, or a ridge regression of forces on readings, linear
+    or quadratic, whichever decodes held-out rows better; it knows no pose, and only the range of the bench."""
     scan: bool = False
     """The one file is a scan of the bare magnet, without silicone, over the design's 3-axis chip: positions x_mm,
     y_mm, z_mm of the stage and Bx_mT, By_mT, Bz_mT. Its polarisation, place and tilts are fitted."""

@@ -254,3 +254,19 @@ def _load_and_response(record: dict[str, Any]) -> tuple[Load, Response]:
     if not all(map(math.isfinite, numbers)):
         raise ValueError("not finite")
     return load, Response((f_x, f_y, f_n), (x, y, z), tilt, radius, tilt_y)
+
+
+def numbers_of(name: str, value: Any, *shape: int | None, holes: bool = False) -> Array:
+    """Return finite numbers of a shape, in which None stands for any length; with holes null is NaN.
+
+    Raises
+    ------
+    ValueError, TypeError
+        They are something else.
+    """
+    found = np.array(value, dtype=float)
+    fits = len(found.shape) == len(shape) and all(n in (None, m) for n, m in zip(shape, found.shape, strict=True))
+    known = np.isfinite(found) | (holes & np.isnan(found))
+    if not (fits and found.size and known.all()):
+        raise ValueError(f"{name} must hold finite numbers of another shape than {found.shape}")
+    return found

@@ -64,10 +64,12 @@ WHY = {
     "untimed": "the time is not known, so the force is that of slow loading, which a fast press exceeds: give the"
     " device's time (--clock)",
     "uncalibrated": "the force may be one of the tolerances of a built sensor at rest: calibrate the sensor",
+    "out_of_range": "readings, force or temperature lie beyond those of the bench: the force of the regression is"
+    " extrapolated there, and its interval is not known; press farther on the bench, or calibrate by the model",
     "inconsistent": "no pose explains all readings together: check their order, units and the ambient field",
 }
-WITH_POSE = {"ok", "ambiguous", "uncalibrated", "after_gap", "jump", "untimed"}
-"""Statuses with a pose and a load."""
+WITH_POSE = {"ok", "ambiguous", "uncalibrated", "after_gap", "jump", "untimed", "out_of_range"}
+"""Statuses with a pose and a load, or of a regression with a force."""
 NO_CONTACT = (
     "the plate does not touch the tip at this pose (depth 0), so the load is 0: the shift of {:.2g} mm sideways "
     "comes from rounding or noise of the readings, an ambient field, or something other than the plate"

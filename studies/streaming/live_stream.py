@@ -44,6 +44,7 @@ from studies.streaming.clocks import Arrival, DeviceClock, Row
 from studies.streaming.sources import Decoded, Sink
 
 if TYPE_CHECKING:
+    from studies.calibration.force_regression import Regression
     from studies.calibration.sensor_fit import Fit
     from studies.web import explorer_server
 
@@ -70,7 +71,7 @@ class Nominal:
 
     def __init__(self, design: Design, options: Streaming, jitter: float) -> None:
         decoding = Decoding(level=options.level, responses=options.responses)
-        self.stream = Stream(decode_readings.prepare(design, decoding), jitter)
+        self.stream = _loaded(Stream(decode_readings.prepare(design, decoding), jitter))
         self._at_rest = AtRest(self.stream.coder)
 
     def zero(self, readings: Array, temperatures: Array) -> None:
@@ -101,7 +102,7 @@ class Calibrated:
         self._fit, self._mechanics, self._file = found, calibrated_forces, calibration_file
         self.thermal = calibration_file.is_thermal(found)
         self._warm = warm or not self.thermal
-        self.stream = Stream(calibrated_forces.coder_of(found, warm=self._warm), jitter)
+        self.stream = _loaded(Stream(calibrated_forces.coder_of(found, warm=self._warm), jitter))
         self._zeroed: Sequence[str] = ()
         self._count = self._cold = self._unused = 0
         self._rest()
@@ -164,6 +165,50 @@ class Calibrated:
         return max((float(np.linalg.norm(each - force)) for each in found), default=0.0)
 
 
+class Regressed:
+    """Decodes rows by a regression, without a pose; forces are those of loading as slow as on the bench."""
+
+    columns = (*FOUND, *HALF)
+
+    def __init__(self, found: Regression, jitter: float) -> None:
+        from studies.calibration.calibration_file import regression_sentences
+
+        self._found, self._jitter, self.thermal = found, jitter, found.is_thermal
+        self._series, self._offset = found.series(jitter), np.zeros(len(found.rest))
+        self._zeroed: Sequence[str] = ()
+        self._known = self._count = 0
+        self._sentences = regression_sentences
+
+    @property
+    def said(self) -> list[str]:
+        return [*self._zeroed, *self._sentences(self._found, self._known, self._count, timed=True)]
+
+    def zero(self, readings: Array, temperatures: Array) -> None:
+        try:
+            self._found.check_zero()
+        except BadInput as error:  # asked for while rows arrive
+            self._zeroed = [str(error)]
+            return
+        self._offset = self._found.zero_offset(readings)
+        self._series, self._zeroed = self._found.series(self._jitter), self._found.zero_doubts(self._offset)
+
+    def rows(self, times: Sequence[float], readings: Array, temperatures: Array) -> Iterator[tuple[Any, ...]]:
+        self._count += len(temperatures)
+        self._known += int(np.isfinite(temperatures).sum())
+        words, force, half = self._found.decode(readings, temperatures, self._offset)
+        for moment, row, word, *numbers in zip(times, readings, words, force.tolist(), half.tolist(), strict=True):
+            status = self._series.step(moment, row, word)
+            each = [[math.nan] * 3] * 2 if status == "frozen" else numbers
+            yield status, *each[0], *[math.nan] * 3, *each[1]
+
+
+def _loaded(stream: Stream) -> Stream:
+    """Load, or after an installation compile, what decodes, so that no frame waits for that."""
+    forward = stream.coder.forward
+    Stream(stream.coder).step(tuple(readings_with_slopes(forward, np.zeros((3, 1)))[0][:, 0].tolist()), 0.0)
+    return stream
+
+
 class Live:
     """The decoder of one stream, and what it has seen.
 
@@ -178,19 +223,22 @@ class Live:
         if options.calibration is None:
             if options.temperature is not None:
                 raise BadInput("--temperature works with --calibration only: leave it out")
-            self._decoder: Nominal | Calibrated = Nominal(design, options, jitter)
+            self._decoder: Nominal | Calibrated | Regressed = Nominal(design, options, jitter)
         else:
             from studies.calibration import calibration_file
+            from studies.calibration.sensor_fit import Fit
 
             if options.level or options.responses:
                 raise BadInput("--calibration gives the mechanics: leave --level and --responses out")
-            fit = calibration_file.of_design(options.calibration, design)
+            fit = calibration_file.decoder_of(options.calibration, design)
             calibration_file.given_temperature(fit, options.temperature)
-            self._decoder = Calibrated(fit, jitter, warm=self._warmth is not None)
+            if isinstance(fit, Fit):
+                self._decoder = Calibrated(fit, jitter, warm=self._warmth is not None)
+            else:
+                if options.rest:
+                    fit.check_zero()
+                self._decoder = Regressed(fit, jitter)
         self.design = design
-        # loads, or after an installation compiles, what decodes: no frame waits for that
-        coder = self._decoder.stream.coder
-        Stream(coder).step(tuple(readings_with_slopes(coder.forward, np.zeros((3, 1)))[0][:, 0].tolist()), 0.0)
         warm = ["temperature_C"] if self._decoder.thermal else []
         self.columns = ["time_s", *sources.columns(design), *warm, *self._decoder.columns]
         self._count = len(parts.of_design(design))

@@ -21,7 +21,7 @@ from geometry.arrays import Array
 from geometry.design import Design, paper
 from geometry.loads import Load, Response
 from geometry.messages import Progress
-from studies.calibration import calibrated_forces, calibration_study, sensor_fit
+from studies.calibration import calibrated_forces, calibration_study, force_regression, sensor_fit
 from studies.calibration.bench_file import Bench
 from studies.calibration.sensor_fit import Sensor
 from studies.calibration.simulated_bench import FORCE_NOISE, READING_NOISE, STAND_COMPLIANCE, STAND_ZERO
@@ -176,7 +176,7 @@ def _judge(
     def rmse(values: Array) -> float:
         return float(np.sqrt(np.square(values).sum(axis=1).mean()))
 
-    few, many = (calibration_study.ridge(rows[:n, :3], rows[:n, 3:6], readings, 2) - true for n in (ROWS, MANY))
+    few, many = (force_regression.fit(rows[:n, :3], rows[:n, 3:6], 2).force(readings) - true for n in (ROWS, MANY))
     score: Row = {
         "rmse_N": rmse(off[known]),
         "quadratic_rmse_N": rmse(few),
