@@ -86,6 +86,35 @@ def test_unknowns_scatter_as_their_covariance_says(simulated):
     assert 0.82 < inside < 0.97  # 0.9 of numbers that depend on each other
 
 
+def test_a_sensor_far_from_its_priors_is_found():
+    """Gains off by a quarter, a modulus by an eighth: exact readings lead straight into a wrong minimum."""
+    design = paper(
+        E=2.46, D=8.3, L=7.5, f=5.4, magnet_diameter=5.0, magnet_height=3.0, remanence=1.45, l0=4.6, c=1.25
+    )
+    law, _, _ = calibration_study.mechanics_of(design, None)
+    names = ("S1", "S2", "S3")
+    made = bench_file.Bench(pd.DataFrame({"run": ["a"] * 12}), names, [])
+    un = sensor_fit.unknowns_of(design, made, tolerances(E=30.0, hall_gain=25.0))
+    sensor, rng = sensor_fit.Sensor(design, law, un, np.full(3, 5e-5), 0.1), np.random.default_rng(3)
+    theta = un.mean.copy()
+    for name, value in {"modulus": 0.88, "gain_S1": 0.9, "gain_S2": 0.75, "gain_S3": 1.24}.items():
+        theta[un.names.index(name)] = value
+    angle, w = np.tile([0.0, 2.1, 4.2], 4), -np.repeat([0.02, 0.07, 0.1, 0.16], 3)
+    shift = np.stack([3 * -w * np.cos(angle), 3 * -w * np.sin(angle), w], axis=1)
+    rows = sensor.predict(theta, shift, np.zeros(12)) + np.repeat([5e-5, 0.1, np.nan], 3) * rng.normal(size=(12, 9))
+    found = sensor_fit.fit(sensor, rows, np.zeros(12))
+    assert found.chi2 < 2 * found.freedom
+    assert (np.abs(found.theta - theta) < 4 * found.deviation).all()
+
+
+def test_mechanics_of_a_calibration_follow_loads_that_friction_holds():
+    """Sheared farther the press force falls, and polynomials that rise missed all of it: 22 % of the range here."""
+    design = Design(D=5.1, L=5.2, E=1.81, l0=4.2, hall_layout="tmag5273a1")
+    law, _, _ = calibration_study.mechanics_of(design, None)
+    assert law.errors[2] < 0.01 * 5.0  # N, of 5 N required
+    assert law.errors[1] < 0.01 * 1.5
+
+
 def test_rows_never_make_a_sensor_less_known_than_its_parts(simulated):
     sensor, shift, rng = simulated
     un = sensor.unknowns

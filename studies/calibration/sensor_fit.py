@@ -44,7 +44,7 @@ from analytic import parts
 from analytic.inverse.forward_model import rotation
 from analytic.inverse.response_surface import Mechanics, force_and_load, workspace
 from geometry.arrays import Array, Ints
-from geometry.design import BadInput, Design
+from geometry.design import LEAST_WALL, BadInput, Design
 from studies.calibration.bench_file import FORCES, MOTIONS, Bench
 from studies.parts.part_tolerances import Tolerances, standard_deviation
 from studies.sensitivity.made_sensors import MadeSensors, made_readings
@@ -63,8 +63,8 @@ GROWTH_ROUNDS, SAME_GROWTH = 6, 0.02
 """Most rounds in which the growth of the variances is estimated; relative change that ends them."""
 MOST_DAMPED = 1e3
 """Damping at which a row that still finds no better shift is at its best one."""
-GRID = (9, 9, 12)
-"""Shifts along x, y and z among which each row starts."""
+GRID, FEW_SHIFTS = (9, 9, 12), 40
+"""Shifts along x, y and z among which each row starts, and number of them at which the effect of priors is taken."""
 QUANTILE = 1.6449
 """Half width of a 90 % interval of a normal distribution over its standard deviation."""
 AMBIENT, STAND_ZERO, STAND_COMPLIANCE = 5e-5, 0.3, 0.01
@@ -72,7 +72,8 @@ AMBIENT, STAND_ZERO, STAND_COMPLIANCE = 5e-5, 0.3, 0.01
 FARTHEST = 30.0
 """Largest distance of a fixed value from its prior, in standard deviations."""
 MOST_WIDER = 0.25
-"""Largest deviation of a magnet's size over the size: a fit on its way must not leave what can be a magnet."""
+"""Largest deviation of a magnet's size over the size, where the silicone around it does not end before: a fit on its
+way must not leave what can be a magnet."""
 MOST_POSES = 20_000
 """Most shifts that are predicted at once, which takes some 20 MB."""
 MECHANICS = 0.03
@@ -255,7 +256,8 @@ class Sensor:
         """Return sensors (m, p) with their displaced parts and their magnets; gains and nulls stay nominal."""
         count, design = len(theta), self.design
         size = np.array([design.magnet_diameter, design.magnet_height])
-        wider = np.clip(self.vector(theta, "wider", ("diameter", "height")), -MOST_WIDER * size, MOST_WIDER * size)
+        most = np.minimum(MOST_WIDER * size, design.shape.wall - LEAST_WALL)
+        wider = np.clip(self.vector(theta, "wider", ("diameter", "height")), -most, most)
         sizes = list(map(tuple, (wider + size).tolist()))
         # only the field is that of another magnet
         designs = {
@@ -285,10 +287,13 @@ class Sensor:
         return np.asarray(np.hypot(self.force_noise, self.force_share * np.nan_to_num(force)))
 
     def starts(self, theta: Array, measured: Array) -> Array:
-        """Return shifts (n, 3) near those of rows, from a grid over the workspace: the one that predicts best."""
-        grid, found = _start_grid(self, tuple(theta.tolist()))
-        scale = found.std(axis=0)
-        scale[scale == 0] = 1.0
+        """Return shifts (n, 3) near those of rows, from a grid over the workspace: the one that predicts best.
+
+        What is measured counts with its error and with that which priors leave in its prediction.
+        """
+        grid, found, left = _start_grid(self, tuple(theta.tolist()))
+        errors = np.concatenate([self.noise, np.repeat([self.force_noise, self.motion_noise], 3)])
+        scale = np.hypot(left, errors)
         known, shift = np.isfinite(measured), np.zeros((len(measured), 3))
         for pattern in np.unique(known, axis=0):
             if not pattern.any():
@@ -300,15 +305,20 @@ class Sensor:
 
 
 @functools.lru_cache(maxsize=4)
-def _start_grid(sensor: Sensor, theta: tuple[float, ...]) -> tuple[Array, Array]:
-    """Return shifts (n, 3) over the workspace, and what a sensor predicts there (n, k + 6)."""
+def _start_grid(sensor: Sensor, theta: tuple[float, ...]) -> tuple[Array, Array, Array]:
+    """Return shifts (n, 3) over the workspace, what a sensor predicts there (n, k + 6), and the standard deviations
+    (k + 6,) of this by the priors of its unknowns, root mean square over the workspace."""
     low, high = workspace(sensor.design, sensor.mechanics)
     # 0 sideways and at rest are points of the grid
     axes = [np.linspace(a, b, n) for a, b, n in zip(low, [*high[:2], 0.0], GRID, strict=True)]
     grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
     found = sensor.predict(np.array(theta), grid, np.zeros(len(grid)))
     defined = np.isfinite(found).all(axis=1)  # not so inside an element
-    return grid[defined], found[defined]
+    grid, found = grid[defined], found[defined]
+    free, few = sensor.unknowns.free, grid[:: max(len(grid) // FEW_SHIFTS, 1)]
+    _, _, by_theta = slopes_of(sensor, np.array(theta), few, np.zeros(len(few)), free)
+    spread = np.square(by_theta * sensor.unknowns.deviation[free]).sum(axis=2)
+    return grid, found, np.sqrt(spread.mean(axis=0))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -434,7 +444,10 @@ def misfit(sensor: Sensor, measured: Array, warmer: Array, steps: int) -> float:
 
 def _settled_at_priors(sensor: Sensor, measured: Array, W: Array, warmer: Array, steps: int = STEPS) -> Array:
     theta = sensor.unknowns.mean
-    return settle_shifts(sensor, theta, sensor.starts(theta, measured), measured, W, warmer, steps)
+    _, _, left = _start_grid(sensor, tuple(theta.tolist()))
+    # exact readings of a sensor far from its priors are not explained by shifts
+    known = np.where(W > 0, 1 / np.hypot(1 / np.where(W > 0, W, 1.0), left), 0.0)
+    return settle_shifts(sensor, theta, sensor.starts(theta, measured), measured, known, warmer, steps)
 
 
 def _minimised(
