@@ -11,8 +11,9 @@ from numpy.testing import assert_allclose
 from sklearn.linear_model import Ridge
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import PolynomialFeatures, StandardScaler
+from test_firmware import needs, run_sketch
 
-from geometry.design import BadInput, paper
+from geometry.design import BadInput, Design, paper
 from studies.calibration import (
     bench_file,
     calibration_file,
@@ -22,9 +23,12 @@ from studies.calibration import (
     sensor_fit,
 )
 from studies.calibration.simulated_bench import FORCE_NOISE, READING_NOISE
+from studies.firmware import regression_export
+from studies.firmware.decoder_export import STATUSES
 from studies.inputs.option_groups import Streaming
 from studies.parts.part_tolerances import tolerances
 from studies.streaming import live_stream
+from studies.validation import firmware_check
 
 NAMES = ["S1_V", "S2_V", "S3_V"]
 FORCES = ["Fx_N", "Fy_N", "Fz_N"]
@@ -208,6 +212,10 @@ def test_a_bench_becomes_a_regression_for_decode_and_stream(taught, sensor, run,
     text, err = run("decode", "paper", "--calibration", file, "--readings", "2.95,2.85,2.85", "--json")[1:]
     assert strict(text)[0]["shift_mm"] == [None] * 3
     assert "temperature of 1 of 1 rows is not known: their intervals hold from 21 to 21 C" in err
+    words = ("firmware", "paper", "--calibration", file, "--out", tmp_path / "library")
+    (record,) = strict(run(*words, "--json")[1])
+    assert record["held_out_N"] == pytest.approx([errors["quadratic ridge"][f"rmse_{axis}_N"] for axis in "xyz"])
+    assert "--flash 2k is too small: this regression takes" in run(*words, "--flash", "2k")[2]
 
 
 def test_what_a_regression_does_not_know_is_refused_or_said(taught, written, sensor, refusal, run, tmp_path):
@@ -248,3 +256,79 @@ def test_the_errors_of_one_run_are_those_of_its_parts_which_is_said(taught):
     found = regression_study.result(one, "no mechanics", "magtip calibrate", calibration_study.figures)
     assert "there is one run only" in found.warnings[0]
     assert "the model of the sensor does not decode these rows: no mechanics" in found.pages["CALIBRATION.md"]
+
+
+def chips(rng):
+    """A linear regression of the nine readings of three chips, whose bench had no rest and no temperatures."""
+    design = Design(hall_layout="tmag5273a1", chip_count=3, chip_x=3)
+    X = 0.01 * rng.normal(size=(60, 9))
+    F = X @ rng.normal(size=(9, 3)) * [50, 50, 200] + 0.05 * rng.normal(size=(60, 3))
+    parts = [
+        (str(k), np.flatnonzero(np.arange(60) % 3 != k), np.flatnonzero(np.arange(60) % 3 == k)) for k in range(3)
+    ]
+    nothing = np.full(60, np.nan)
+    return force_regression.regression(
+        design, X, F, force_regression.held_out(X, F, parts, 1), np.zeros(60, dtype=bool), nothing
+    )
+
+
+def with_header(found, folder):
+    made, told = regression_export.texts(found, "magtip firmware")
+    (folder / "magtip_decoder.h").write_text(made["src/magtip_decoder.h"], "utf-8")
+    return made, told
+
+
+@needs("gcc")
+@pytest.mark.parametrize("kind", ["quadratic", "nine linear"])
+def test_the_header_in_c_answers_as_python(taught, kind, tmp_path):
+    rng = np.random.default_rng(3)
+    found = taught[1] if kind == "quadratic" else chips(rng)
+    assert found.words.split()[0] == kind.split()[-1]
+    made, told = with_header(found, tmp_path)
+    assert "double" not in made["src/magtip_decoder.h"]
+    assert [line for line in made["src/magtip_decoder.h"].splitlines() if len(line) > 120] == []
+    assert told["force_percent"] < 0.01
+    program = firmware_check.compiled(tmp_path, "gcc", [*firmware_check.STRICT, "-O0"])
+    readings = regression_export.readings_near(found, 600, rng)
+    readings[:3] = [[5.0] * len(found.rest), [np.nan] * len(found.rest), found.law.centre]
+    celsius = np.where(np.arange(600) % 4, 21.0, np.where(np.arange(600) % 8, np.nan, 30.0))
+    warm = celsius if found.is_thermal else None
+    expected = regression_export.reference(found, readings, None, warm)
+    answer = firmware_check.answers(program, readings, None, warm)
+    words = np.array(expected["status"])
+    assert (np.array(STATUSES)[answer["status"]] == words).all()
+    assert set(words) == {"ok", "out_of_range", "saturated", "not_finite"}
+    assert_allclose(answer["force"], expected["force"], atol=1e-4 * np.abs(found.forces).max())
+    assert_allclose(answer["half_width"], expected["half_width"], rtol=1e-3)
+    # a series with gaps, a wrong row, an element that repeats
+    series, seconds = found.law.centre + 0.02 * np.outer(np.sin(np.arange(90) / 9), np.ptp(found.span, axis=0)), 0.01
+    series[40], series[60, 0] = series[40] + 0.3 * np.ptp(found.span, axis=0), np.nan
+    series[65:] = series[65]
+    times = seconds * np.arange(90) + 0.5 * (np.arange(90) >= 30)
+    timed = regression_export.reference(found, series, times, np.full(90, 21.0))
+    steps = np.diff(times, prepend=0.0)
+    answer = firmware_check.answers(program, series, steps, np.full(90, 21.0) if found.is_thermal else None)
+    assert (np.array(STATUSES)[answer["status"]] == np.array(timed["status"])).all()
+    assert {"after_gap", "jump"} <= set(timed["status"])
+
+
+@needs("g++")
+def test_the_self_test_of_the_library_agrees(taught, tmp_path):
+    for file, text in regression_export.texts(taught[1], "magtip firmware")[0].items():
+        (tmp_path / file).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / file).write_text(text)
+    assert run_sketch(tmp_path, "SelfTest").startswith("wrong statuses: 0,")
+    assert "zero: " in run_sketch(tmp_path, "AnalogElements")
+
+
+@needs("arm-none-eabi-gcc", "qemu-system-arm")
+def test_the_header_takes_the_flash_and_ram_that_it_states(taught, tmp_path):
+    _, told = with_header(taught[1], tmp_path)
+    program, flash, ram = firmware_check.for_target(tmp_path)
+    assert told["table_bytes"] < flash <= told["table_bytes"] + told["code_bytes"]
+    assert told["state_bytes"] <= ram
+    readings = regression_export.readings_near(taught[1], 20, np.random.default_rng(1))
+    answer = firmware_check.answers(program, readings, None, np.full(20, 21.0))
+    assert answer["stack"].max() < 512
+    expected = regression_export.reference(taught[1], readings)
+    assert (np.array(STATUSES)[answer["status"]] == np.array(expected["status"])).all()

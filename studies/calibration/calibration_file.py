@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analytic import parts
-from analytic.decode import field_of
+from analytic.decode import Status, field_of
 from analytic.hall import converted
 from analytic.inverse.response_surface import Mechanics
 from analytic.time_series import RelaxingForce, zero_offset
@@ -207,6 +207,13 @@ def decoder_of(path: Path, design: Design) -> Fit | Regression:
         return _for_design(path, found, design)
     _check_design(path, design, found.design, found.design)
     return dataclasses.replace(found, design=design)
+
+
+def regression_of(path: Path, design: Design) -> Regression:
+    """Read calibration.json of a regression, as `decoder_of` does."""
+    found = decoder_of(path, design)
+    assert isinstance(found, Regression)
+    return found
 
 
 def _for_design(path: Path, found: Fit, design: Design) -> Fit:
@@ -400,16 +407,29 @@ def regressed_rows(
     """Return the columns of `decoded_rows` by a regression: no shift, and forces of slow loading, with times, too."""
     words, force, half = found.decode(readings, temperature, offset)
     if times is not None:
-        series = found.series()
-        words = [series.step(*row) for row in zip(times.tolist(), readings, words, strict=True)]
-        frozen = [word == "frozen" for word in words]
-        force[frozen] = half[frozen] = np.nan
+        words = over_time(found, readings, times, words, force, half)
     unknown = np.full((len(words), 3 if times is None else 3 + len(decode_readings.TIME_COLUMNS)), np.nan)
     columns = DECODED if times is None else (*DECODED, *decode_readings.TIME_COLUMNS)
     return [
         dict(zip(columns, (word, *row), strict=True))
         for word, row in zip(words, np.hstack([force, half, unknown]).tolist(), strict=True)
     ]
+
+
+def over_time(
+    found: Regression, readings: Array, times: Array, words: Sequence[Status], force: Array, half: Array
+) -> list[Status]:
+    """Return the statuses of rows by those before them; of a frozen one force and half width (n, 3) become NaN."""
+    series = found.series()
+    said = [series.step(*row) for row in zip(times.tolist(), readings, words, strict=True)]
+    frozen = [word == "frozen" for word in said]
+    force[frozen] = half[frozen] = np.nan
+    return said
+
+
+def holds_regression(path: Path) -> bool:
+    """Return whether a file says that it is the calibration by a regression; `decoder_of` reads it."""
+    return json_object(path).get("decoder") == "regression"
 
 
 def regression_sentences(found: Regression, known: int, count: int, *, timed: bool) -> list[str]:

@@ -282,7 +282,8 @@ def firmware(
     ros2
         Also write a ROS 2 package, ros2/magtip_sensor, whose node publishes what magtip stream decodes.
     """
-    from studies.firmware import decoder_export
+    from studies.calibration import calibration_file
+    from studies.firmware import decoder_export, regression_export
     from studies.parts.part_tolerances import parse_tolerances
     from studies.streaming import ros2_package
 
@@ -294,6 +295,9 @@ def firmware(
     design = call.design()
     made = parse_tolerances(tolerances or [], design, call.source)
     more = ros2_package.files(design, calibration) if ros2 else {}
+    if calibration is not None and calibration_file.holds_regression(calibration):
+        found = calibration_file.regression_of(calibration, design)
+        return publish(partial(regression_export.run, found, flash, here.command, more), here)
     study = partial(decoder_export.run, design, level, responses, flash, made, calibration, here.command, more)
     return publish(study, here)
 

@@ -48,6 +48,7 @@ if TYPE_CHECKING:
 STATUSES: tuple[Status, ...] = (
     *("ok", "ambiguous", "out_of_workspace", "saturated", "not_finite"),
     *("tension", "uncalibrated", "frozen", "after_gap", "jump", "inconsistent"),
+    "out_of_range",
 )
 """Statuses of the decoder by their numbers in C."""
 LEVEL = "finite"
@@ -386,7 +387,7 @@ def header(firmware: Firmware, command: str) -> str:
         "starts": STARTS,
         "evaluations": EVALUATIONS,
     }
-    return _rendered(
+    return rendered(
         "magtip_decoder.h.j2",
         **_told(firmware, command),
         **{name: number(value) for name, value in numbers.items()},
@@ -399,7 +400,7 @@ def header(firmware: Firmware, command: str) -> str:
     )
 
 
-def _rendered(template: str, **values: Any) -> str:
+def rendered(template: str, **values: Any) -> str:
     return page_templates.rendered(Path(__file__).with_name(template), **values) + "\n"
 
 
@@ -414,6 +415,7 @@ def _told(firmware: Firmware, command: str) -> dict[str, Any]:
         "names": [e.name for e in elements],
         "unit": elements[0].unit,
         "source": firmware.source,
+        "regression": False,
         "calibrated": firmware.made is None,
         "thermal": firmware.is_warm,
         "statuses": STATUSES,
@@ -449,7 +451,7 @@ def vectors_header(rows: Sequence[Mapping[str, Any]]) -> str:
         "answers": table[:, -6:],
     }
     declared = [declaration(f"magtip_vector_{name}", values) for name, values in arrays.items()]
-    return _rendered("magtip_vectors.h.j2", arrays=declared, count=len(rows))
+    return rendered("magtip_vectors.h.j2", arrays=declared, count=len(rows))
 
 
 def vectors_table(rows: Sequence[Mapping[str, Any]]) -> str:
@@ -464,9 +466,14 @@ def texts(firmware: Firmware, command: str) -> dict[str, str]:
     """Return the texts of all files of the library by their names."""
     rows, told = vectors(firmware), _told(firmware, command)
     found = {HEADER: header(firmware, command), VECTORS: vectors_header(rows), PLAIN[2]: vectors_table(rows)}
-    found |= {name: _rendered(f"{name}.j2", **told) for name in PLAIN[3:]}
+    return found | surroundings(told)
+
+
+def surroundings(told: Mapping[str, Any]) -> dict[str, str]:
+    """Return the texts around header and test vectors by their names: the library's description and its sketches."""
+    found = {name: rendered(f"{name}.j2", **told) for name in PLAIN[3:]}
     for name, template in (("SelfTest", "SelfTest"), (told["example"], "sketch")):
-        found[f"examples/{name}/{name}.ino"] = _rendered(f"{template}.ino.j2", **told)
+        found[f"examples/{name}/{name}.ino"] = rendered(f"{template}.ino.j2", **told)
     return found
 
 
