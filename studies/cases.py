@@ -43,7 +43,7 @@ from studies.mechanics.study_cases import (
     models_of,
 )
 from studies.sweeps import sweep
-from studies.sweeps.study_rows import status_columns
+from studies.sweeps.sweep_columns import status_columns
 
 if TYPE_CHECKING:
     import pandas as pd

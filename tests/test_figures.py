@@ -1,5 +1,7 @@
 """Figures: what their tables and encodings hold, which points are drawn, and one picture of each kind."""
 
+import json
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -7,14 +9,17 @@ from PIL import Image
 
 from fem.accuracy import QUICK
 from geometry.design import paper
+from studies.inputs import study_input
 from studies.inputs.study_input import grid
-from studies.mechanics.study_cases import Cases, FemModel, Plan
+from studies.mechanics.study_cases import Cases, FemModel, Plan, completed, models_of
 from studies.output import figures
-from studies.output.figures import ERROR_EDGES, Look, heat, plot, spots
+from studies.output.figures import Look, plot
+from studies.output.maps import ERROR_EDGES, heat, spots
 from studies.sensitivity import uncertainty_figures
 from studies.simulation import time_figures
 from studies.sizing import sizing_figures
-from studies.sweeps import sweep_figures
+from studies.sweeps import sweep, sweep_figures
+from studies.sweeps.sweep_columns import SweepColumns, prefixes
 from studies.web import folder_contents
 
 CURVES = pd.DataFrame(
@@ -111,6 +116,30 @@ def test_a_picture_has_marks_of_the_colours(figure, tmp_path, monkeypatch):
     assert picture.shape[1] > 600
     # neither black, white nor grey
     assert (np.ptp(picture, axis=2) > 60).sum() > 200
+
+
+@pytest.mark.usefixtures("drawn_pictures")
+def test_many_figures_fit_a_page(tmp_path, monkeypatch):
+    """Two columns of figures of few panels, and those of many below them; A4 is 1.41 times as high as wide."""
+    monkeypatch.setattr(figures, "SCALE", 0.5)
+    panels = pd.concat([CURVES.assign(panel=name) for name in "abc"])
+    whole = [plot(f"{k}", "", CURVES, "depth (mm)", "force (N)") for k in range(4)]
+    figures.save(tmp_path / "one.png", [*whole, plot("wide", "", panels, "depth (mm)", "force (N)")])
+    width, height = Image.open(tmp_path / "one.png").size
+    assert 1.0 < height / width < 2**0.5
+
+
+def test_labels_of_points_and_guides_stay_apart_and_inside():
+    data = pd.DataFrame(
+        {"x": [0.0, 0.1, 5.0, 10.0], "y": [1.0, 1.0, 3.0, 1.0], "label": ["first", "second", "", "last"]}
+    )
+    look = Look(line=False, guides=(figures.Guide("x", 9.9, "limit"), figures.Guide("x", 2.0, "low")))
+    figure = plot("t", "c", data, "x", "y", look)
+    rows = figure.chart.to_dict()["datasets"].popitem()[1]
+    # the first label keeps clear of the second point
+    assert [row["side"] for row in rows] == ["left", "right", "", "right"]
+    texts = [layer["mark"] for layer in figure.chart.to_dict()["layer"] if layer["mark"]["type"] == "text"]
+    assert {mark["text"]: mark["align"] for mark in texts if "text" in mark} == {"limit": "right", "low": "left"}
 
 
 # Figures of the studies: what they hold of the tables that the verbs write, and what they say.
@@ -224,36 +253,41 @@ def table(axes, **results):
 AXES = {"D_mm": [6.0, 8.0], "L_mm": [9.0, 12.0, 18.0], "depth_mm": [0.5, 1.0]}
 
 
-def view_of(whole, columns=("fem_force_N",)):
-    whole = whole.assign(failed=whole["status"] != "ok")
-    return sweep_figures.view(whole, sweep_figures.axes_of(whole), columns)
+def drawn_of(whole):
+    """The figures of a table without a record of its run."""
+    return sweep_figures.sweep(whole, SweepColumns.of_table(whole.columns))
 
 
 @pytest.mark.parametrize(("counts", "maps"), [((6, 7), False), ((7, 7), True), ((3, 40), False)])
 def test_lines_up_to_six_values_and_maps_beyond(counts, maps):
     axes = {"D_mm": np.linspace(6, 8, counts[0]), "L_mm": np.linspace(9, 20, counts[1])}
     whole = table(axes, fem_force_N=lambda D, L: D / L)
-    assert view_of(whole).maps == maps
-    (figure,) = sweep_figures.sweep(whole)
+    (figure,) = drawn_of(whole)
     assert len(figure.data) == counts[0] * counts[1]
+    assert ("series" not in figure.data) == maps
+    if maps:
+        # evenly spaced values: round numbers at the axis in place of 6.3333, 6.6667 ...
+        assert layers(figure)["rect"]["encoding"]["x"]["type"] == "quantitative"
 
 
 def test_lines_hold_every_number_of_the_table():
     whole = table(AXES, fem_force_N=lambda D, L, d: D * d / L, analytic_force_N=lambda D, L, d: D * d)
-    (figure,) = sweep_figures.sweep(whole)
+    (figure,) = drawn_of(whole)
     assert list(dict.fromkeys(figure.data["panel"])) == ["D = 6 mm", "D = 8 mm"]
     assert set(figure.data["series"]) == {"L = 9 mm", "L = 12 mm", "L = 18 mm"}
-    assert set(figure.data["model"]) == {"finite elements", "the paper's formula"}
+    assert set(figure.data["model"]) == {"finite elements", "formula"}
     expected = [*whole["fem_force_N"], *whole["analytic_force_N"]]
     np.testing.assert_allclose(sorted(figure.data["press force (N)"]), sorted(expected))
 
 
 def test_map_of_errors_has_each_error_in_its_cell():
     axes = {"L_mm": np.linspace(9, 12, 8), "depth_mm": np.linspace(0.5, 1.0, 7)}
-    whole = table(axes, fem_force_N=lambda L, d: L * d, force_error_percent=lambda L, d: L + d - 2)
-    value, error = sweep_figures.sweep(whole)
+    force = {"fem_force_N": lambda L, d: L * d, "analytic_force_N": lambda L, d: L}
+    whole = table(axes, **force, force_error_percent=lambda L, d: L + d - 2)
+    value, error = drawn_of(whole)
     assert value.title == "Press force over depth"
-    assert error.title == "Error of the press force, the formula"
+    assert set(value.data["panel"]) == {"finite elements", "formula"}
+    assert error.title == "Error of the press force, formula"
     off = error.data["L (mm)"] + error.data["depth (mm)"] - 2 - error.data["error (%)"]
     np.testing.assert_allclose(off, 0, atol=1e-9)
     within = 100 * (whole["force_error_percent"] <= 10).mean()
@@ -270,7 +304,7 @@ def test_errors_of_a_picture_are_those_of_the_table():
     )
     whole.loc[3, ["force_x_error_percent", "analytic_force_x_N", "fem_force_x_N"]] = [np.nan, 0.1, -0.1]
     whole["error_status"] = ["ok", "ok", "ok", "gave_way"]
-    _, error = sweep_figures.sweep(whole)
+    _, error = drawn_of(whole)
     shown = error.data.sort_values(["series", "shear (mm)"], kind="stable")
     assert shown["error (%)"].tolist()[:3] == [2.4, 2.8, 50.4]
     assert shown["failed"].tolist() == [False, False, False, True]
@@ -282,11 +316,11 @@ def test_lengths_over_D_are_axes_of_pictures():
     axes = {"L_over_D": [1.0, 2.0], "depth_over_D": [0.1, 0.2]}
     whole = table(axes, fem_force_N=lambda L, d: L * d)
     whole.insert(0, "L_mm", 8 * whole["L_over_D"])
-    (figure,) = sweep_figures.sweep(whole)
-    assert figure.title == "Press force over depth/D"
+    (figure,) = drawn_of(whole)
+    assert figure.title == "Press force over depth/D, finite elements"
     assert set(figure.data["series"]) == {"L/D = 1", "L/D = 2"}
     whole = table({"D_mm": [8.0], "L_mm": [8.0, 16.0], "depth_mm": [0.5, 1.0]}, fem_force_N=lambda D, L, d: L * d)
-    (figure,) = sweep_figures.sweep(whole)
+    (figure,) = drawn_of(whole)
     assert set(figure.data["series"]) == {"L = 8 mm (L/D = 1)", "L = 16 mm (L/D = 2)"}
 
 
@@ -297,14 +331,14 @@ def test_unstable_states_are_open_and_do_not_count():
     )
     whole["critical_depth_mm"] = [0.8, 0.8, 0.6, 0.6]
     whole["status"] = ["ok", "unstable"] * 2
-    value, error, *_ = sweep_figures.sweep(whole)
+    value, error, *_ = drawn_of(whole)
     assert "Over all stable cases: finite elements from 4.5 to 6 N" in value.caption
     assert "0 % of the 2 stable cases are within 10 %" in error.caption
     assert "2 cases that are not known to be stable do not count" in error.caption
     opened = value.data.set_index(["model", "series", "depth (mm)"])["open"]
     # a formula knows no stability
     assert opened["finite elements"].tolist() == [False, False, True, True]
-    assert not opened["the paper's formula"].any()
+    assert not opened["formula"].any()
     assert error.data["open"].tolist() == [False, False, True, True]
     assert value.data.groupby("series")["limit"].first().to_dict() == {"L = 9 mm": 0.8, "L = 12 mm": 0.6}
     layers = str(value.chart.to_dict())
@@ -315,7 +349,7 @@ def test_unstable_states_are_open_and_do_not_count():
 def test_failed_cases_are_counted_with_their_cause_and_marked():
     whole = table(AXES, fem_force_N=lambda D, L, d: D * d / L).assign(message="")
     whole.loc[0, ["status", "message"]] = ["bad_input", "the magnet does not fit; take a smaller one"]
-    (figure,) = sweep_figures.sweep(whole)
+    (figure,) = drawn_of(whole)
     assert figure.data["failed"].sum() == 1
     assert figure.notes == (
         "1 of 12 cases failed (bad_input); most often: the magnet does not fit; take a smaller one.",
@@ -325,8 +359,9 @@ def test_failed_cases_are_counted_with_their_cause_and_marked():
 def test_errors_far_beyond_the_others_stand_at_the_edge_with_a_note():
     errors = [*np.linspace(-20, 20, 40), 5000.0]
     axes = {"depth_mm": np.linspace(0.1, 2, 41)}
-    whole = table(axes, fem_force_N=lambda d: d, force_error_percent=lambda d: errors)
-    _, error = sweep_figures.sweep(whole)
+    force = dict.fromkeys(("fem_force_N", "analytic_force_N"), lambda d: d)
+    whole = table(axes, **force, force_error_percent=lambda d: errors)
+    _, error = drawn_of(whole)
     assert "1 error stands at the edge: 5000 %." in error.notes
     assert error.data["error (%)"].max() == 5000
     y = error.chart.to_dict()["layer"][-1]["encoding"]["y"]["scale"]
@@ -337,16 +372,88 @@ def test_errors_far_beyond_the_others_stand_at_the_edge_with_a_note():
 def test_sampled_points_are_shown_over_each_axis():
     rng = np.random.default_rng(0)
     D, L = rng.uniform(5, 10, 40), rng.uniform(10, 20, 40)
-    columns = {"D_mm": D, "L_mm": L, "fem_force_N": D / L, "force_error_percent": 10 * D - 50, "status": "ok"}
-    value, error, spots = sweep_figures.sweep(pd.DataFrame(columns))
+    columns = {"D_mm": D, "L_mm": L, "fem_force_N": D / L, "analytic_force_N": D / L}
+    columns |= {"force_error_percent": 10 * D - 50, "status": "ok"}
+    value, error, spots = drawn_of(pd.DataFrame(columns))
     assert set(value.data["panel"]) == {"D (mm)", "L (mm)"}
     # the axis with the greatest effect comes first
     assert next(iter(error.data["panel"])) == "D (mm)"
-    assert len(value.data) == 80
+    assert len(value.data) == 160
     assert list(spots.data)[:2] == ["D (mm)", "L (mm)"]
 
 
-# What the pictures of a sweep show: which rows, which quantities, which note.
+# What the pictures of a sweep show: which axes, models, rows and quantities, and which note.
+
+NAMED = {
+    "surrogate": "surrogate", "paper": "the paper's formula", "tip": "formula, level tip",
+    "finite": "formula, level finite", "fem": "finite elements, standard", "quick": "finite elements, quick",
+    "fine": "finite elements, fine", "tolerance:1%": "chosen model",
+}  # fmt: skip
+
+
+def studied(names, axes, silent=()):
+    """The plan of a study, and its table with numbers of our own under the columns that a sweep writes."""
+    fem, formulas = models_of(names)
+    plan = completed(Plan(paper(), grid(axes), {}, "rigid", fem, formulas, ("force",)))
+    points = Cases(plan).batch(np.arange(plan.count)).axes
+    table = {name: np.ones(plan.count) for name in sweep.without_rows(plan)}
+    table |= {study_input.column(name): values for name, values in points.items()}
+    answered = {name: np.full(plan.count, "ok", dtype=object) for name in table if name.endswith("status")}
+    table |= answered | {"message": np.full(plan.count, "", dtype=object)}
+    for k, (name, prefix) in enumerate(prefixes(plan).items()):
+        table[f"{prefix}force_N"] = (k + 1) * sum(points.values())
+        if name in silent:
+            table[f"{prefix}force_N"] = np.full(plan.count, np.nan)
+            table[f"{prefix}status"] = np.full(plan.count, "bad_input", dtype=object)
+    return plan, pd.DataFrame(table)
+
+
+@pytest.mark.parametrize(
+    ("names", "judged"),
+    [
+        (["fem", "surrogate", "finite"], ["surrogate", "finite"]),
+        (["quick", "fine", "paper", "tip", "finite"], ["quick", "paper", "tip", "finite"]),
+        (["tolerance:1%", "paper"], ["paper"]),
+        (["fem"], []),
+        (["surrogate"], []),
+        (["surrogate", "paper"], []),
+        (["paper", "tip", "finite"], []),
+    ],
+    ids=",".join,
+)
+@pytest.mark.parametrize("axes", [["depth"], ["D", "depth"], ["L/D", "E", "depth"]], ids=",".join)
+def test_axes_are_axes_and_every_model_has_its_curve_and_its_name(names, judged, axes):
+    """A column is what the study says: the surrogate's force is no axis, and `finite` not the paper's formula."""
+    values = {"D": [6.0, 8.0], "L/D": [1.5, 2.0], "E": [1.0, 2.0], "depth": [0.5, 1.0]}
+    plan, table = studied(names, {name: values[name] for name in axes})
+    record = json.loads(json.dumps(SweepColumns.of_plan(plan).record))
+    study = SweepColumns.of_record(record, table.columns)
+    assert study == SweepColumns.of_plan(plan)
+    value, *error = sweep_figures.sweep(table, study)
+    drawn = value.data.rename(columns={"model" if "model" in value.data else "series": "name"})
+    alone = NAMED[names[0]] if len(names) == 1 else ""
+    assert value.title == "Press force over depth" + (f", {alone}" if alone else "")
+    if not alone:
+        assert set(drawn["name"]) == {NAMED[name] for name in names}
+    forces = table[[f"{prefix}force_N" for prefix in prefixes(plan).values()]].to_numpy()
+    np.testing.assert_allclose(np.sort(drawn["press force (N)"]), np.sort(forces.ravel()))
+    assert set(drawn["depth (mm)"]) == {0.5, 1.0}
+    assert len(error) == bool(judged)
+    if judged:
+        shown = error[0].data["model" if len(axes) > 1 else "series"]
+        assert set(shown) == {NAMED[name] for name in judged}
+    # without the record the axes and the models are the same, and a single level stays unnamed
+    known = SweepColumns.of_table(table.columns)
+    assert list(known.models.values()) == list(study.models.values())
+    assert set(study.axes) <= set(known.axes)
+
+
+def test_a_model_without_answers_has_no_curve_and_a_sentence():
+    plan, table = studied(["fem", "surrogate", "finite"], {"D": [6.0, 8.0], "depth": [0.5, 1.0]}, ["surrogate"])
+    value, error = sweep_figures.sweep(table, SweepColumns.of_plan(plan))
+    assert set(value.data["model"]) == {"finite elements, standard", "formula, level finite"}
+    assert "Without an answer: surrogate in all of 4 cases." in value.notes
+    assert set(error.data["model"]) == {"formula, level finite"}
 
 
 def plan_of(factors, load=None, quantities=("force",)):

@@ -53,6 +53,27 @@ def study_of(ranges, load=Press(1.0), **options):
     return Request(design=paper(), ranges=ranges, load=load, **options)
 
 
+def test_the_finding_names_what_matters_most_and_is_unknown_where_intervals_overlap():
+    def row(output, name, *numbers):
+        return {"output": output, "input": name} | dict(
+            zip(("total_order", "total_order_low", "total_order_high"), numbers, strict=True)
+        )
+
+    rows = [
+        *(row("force_N", "E", 0.9, 0.8, 1.1), row("force_N", "nu", 0.1, 0.0, 0.7)),
+        *(row("tilt_rad", "E", 0.5, 0.4, 0.6), row("tilt_rad", "nu", 0.45, 0.3, 0.5)),
+        *(row("S1_V", "E", 0.0, 0.0, 0.0), row("S1_V", "nu", 0.0, 0.0, 0.0)),
+        *(row("S2_V", "E", None, None, None), row("S2_V", "nu", None, None, None)),
+    ]
+    found = sensitivity_study.Found(rows=rows, count=8, reasons={})
+    assert sensitivity_study.findings({"sobol": found}) == [
+        (
+            "Sobol: E matters most for force 90 % [80 to 100 %]; no input changes S1; unknown what matters most for "
+            "tilt towards x (the intervals of E 50 % [40 to 60 %], nu 45 % [30 to 50 %] overlap), S2 (no result)"
+        )
+    ]
+
+
 def test_sobol_indices_of_the_papers_press_have_their_closed_form():
     """F = E g(d) with (5) and (7): the variance of a product of independent factors."""
     rows = sobol(study_of({"E": (0.5, 1.5), "depth": (0.5, 1.5)}, model="paper", seed=1)).rows

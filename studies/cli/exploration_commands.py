@@ -52,6 +52,7 @@ def sweep(
     from studies.mechanics.solve_plan import Processes
     from studies.mechanics.worker_process import SchedulerLost
     from studies.sweeps import sweep as study
+    from studies.sweeps.sweep_columns import SweepColumns
 
     here = call.here(study.FILES, [options.design])
     processes = Processes(solving.workers, solving.scheduler, solving.retry_failed)
@@ -72,7 +73,8 @@ def sweep(
                     if call.as_json:
                         console.report([row], as_json=True)
             if call.out is not None:
-                provenance.write(call.out, here.command, dataclasses.asdict(plan.design))
+                named = SweepColumns.of_plan(plan).record
+                provenance.write(call.out, here.command, dataclasses.asdict(plan.design), sweep=named)
     except SchedulerLost as error:
         return show(replace(shown.result(), failures=[str(error)]), here)
     except BaseException:

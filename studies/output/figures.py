@@ -1,7 +1,8 @@
 """Figures: one description, an Altair chart with its table, for the picture of a verb (PNG) and the page of a report.
 
-`plot` draws numbers over numbers or over names, `heat` cells of two axes. Both take a table with a row for each point
-or cell, whose columns have the names of the axes with their units, such as "depth (mm)", and some of these:
+`plot` draws numbers over numbers or over names, `studies.output.maps` cells of two axes. Both take a table with a row
+for each point or cell, whose columns have the names of the axes with their units, such as "depth (mm)", and some of
+these:
 
 - panel: title of the panel; the order of the panels, as of all names, is that of the table;
 - series: what has a colour and a marker; model: what has dashes and, in place of the series, the marker;
@@ -21,11 +22,13 @@ import re
 import textwrap
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from geometry.arrays import Array
 from studies.output.atomic_files import atomic
 
 if TYPE_CHECKING:
@@ -36,15 +39,14 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#0
 """Colours of Okabe and Ito, which readers with any colour vision tell apart."""
 SHAPES = ("circle", "square", "triangle-up", "diamond", "triangle-down", "cross", "triangle-right")
 DASHES = ([1, 0], [7, 4], [2, 3], [8, 3, 2, 3], [12, 4])
-ERROR_EDGES = (-50.0, -20.0, -10.0, -5.0, 5.0, 10.0, 20.0, 50.0)
-"""Bounds of the classes of signed errors in maps, %; within 5 and 10 % is what the paper and the studies ask for."""
-ERROR_COLOURS = (
-    *("#08519c", "#3182bd", "#74add1", "#c6dcef", "#fbfaf5"),
-    *("#fde3c2", "#fdae61", "#e06a1b", "#993404"),
-)
-"""Colours of these classes: blue below, orange above, readable with any colour vision."""
 WIDTH = 640
 """Width of all panels of a figure, pixels of the page; with its axes a figure fills a column of text."""
+HALF = 290
+"""Width of all panels of a figure beside another one: both and the axes of the second one have the same width."""
+BETWEEN = 60
+"""Room between panels whose axes have numbers of their own, pixels."""
+MOST_STACKED = 2
+"""Number of figures beyond which those of few panels stand side by side in a picture, so that it fits a page."""
 SCALE = 2.5
 """Pixels of a picture for each pixel of the page: 250 pixels per inch at a width of 7 in."""
 MOST_MARKS = 1200
@@ -53,10 +55,15 @@ MOST_POINTS = 20_000
 """Largest number of points of a figure, those of lines without markers included."""
 MOST_LINE_MARKS = 40
 """Number of points of a line beyond which its points have no markers of their own."""
-MOST_LABELS = 30
-"""Number of points beyond which texts beside them would lie on each other."""
 WIDE = 30.0
 """Ratio of the greatest to the least value from which the colours of a map are logarithmic."""
+MOST_LABELS = 30
+"""Number of points beyond which texts beside them would lie on each other."""
+SIDES: dict[str, dict[str, Any]] = {
+    "right": {"dx": 9, "dy": 0, "align": "left"}, "left": {"dx": -9, "dy": 0, "align": "right"},
+    "above": {"dx": 0, "dy": -12, "align": "center"}, "below": {"dx": 0, "dy": 12, "align": "center"},
+}  # fmt: skip
+"""Places of the label of a point, best first."""
 LETTER = 6.6
 """Mean width of a letter of the legend, pixels."""
 THEME: dict[str, Any] = {
@@ -96,6 +103,7 @@ class Figure:
     caption : what is seen, in sentences.
     data : all numbers of the figure; the chart may draw fewer, which a note says.
     source : name of the file that holds its numbers.
+    half : makes the chart with half the width, to stand beside another one in a picture; None if it needs all.
     """
 
     title: str
@@ -104,6 +112,7 @@ class Figure:
     data: pd.DataFrame
     notes: tuple[str, ...] = ()
     source: str = ""
+    half: Callable[[], alt.TopLevelMixin] | None = None
 
     def spec(self) -> dict[str, Any]:
         """Return the figure in the language of Vega-Lite, without title and theme."""
@@ -149,127 +158,78 @@ class Look:
     names: tuple[str, ...] = ()
 
 
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Columns of the axes of a plot, and the size of a panel and the width of all, pixels."""
+
+    x: str
+    y: str
+    width: int
+    height: int
+    whole: int
+
+
 def plot(title: str, caption: str, data: pd.DataFrame, x: str, y: str, look: Look = Look()) -> Figure:
     """Return points, or lines, over numbers or names; see the module for the columns of the table."""
     import altair as alt
 
-    counted = [name for name in (x, y) if not _is_named(data, name)]
+    counted = [name for name in (x, y) if not is_named(data, name)]
     known = np.isfinite(data[counted].astype(float)).all(axis=1)
     if "failed" in data:
         known |= data["failed"].astype(bool)
     data = data[known].reset_index(drop=True)
     drawn, notes = _thinned(data, y, look)
+    notes += _shades(look.guides)
     if "model" in data and look.line:
         # Vega-Lite joins the legends of scales of one domain, and would show broken markers
         drawn = drawn.assign(dash=drawn["model"] + " ")
     shown = drawn[drawn["drawn"]] if "drawn" in drawn else drawn
     panels = list(dict.fromkeys(data["panel"])) if "panel" in data else []
     columns = 2 if len(panels) == 4 else min(look.columns, len(panels)) or 1
-    width = (WIDTH - (14 if look.shared else 60) * (columns - 1)) // columns
-    height = (300, 240, 190, 150)[min(columns, 4) - 1]
-    base = alt.Chart().encode(
-        x=_channel(alt.X, drawn, x, look, max(3, width // 60)),
-        y=_channel(alt.Y, drawn, y, look, max(3, height // 45)),
-    )
     groups = [name for name in ("panel", y) if name in data]
-    side_by_side = _is_named(data, y) and "series" in data and bool(data.duplicated(groups).any())
-    if side_by_side:
-        base = base.encode(yOffset=alt.YOffset("series:N", sort=None))
-    layers = [*_guides(look.guides), *_marks(base, shown, (x, y), look)]
-    room: Any = alt.Step(11) if side_by_side else alt.Step(20) if _is_named(data, y) else height
-    chart = alt.layer(*layers).properties(width=width, height=room)
-    return Figure(title, caption, _faceted(chart, drawn, panels, columns, shared=look.shared), data, notes)
+    side_by_side = is_named(data, y) and "series" in data and bool(data.duplicated(groups).any())
 
-
-def heat(
-    title: str,
-    caption: str,
-    data: pd.DataFrame,
-    axes: tuple[str, str],
-    value: str,
-    *,
-    edges: Sequence[float] = (),
-    colours: Mapping[str, str] = {},
-    marked: Mapping[str, str] = {},
-    columns: int = 3,
-) -> Figure:
-    """Return a map of a value over two axes: a cell for each row of the table.
-
-    Parameters
-    ----------
-    axes : columns of the horizontal and of the vertical axis; numbers stand in rising order.
-    edges : bounds of the classes of values, each with its colour; empty for colours that change gradually.
-    colours : colours of values that are names.
-    marked : what the marks of cells mean: "failed" (crosses) and "doubted" (dots) are columns of flags.
-    """
-    import altair as alt
-
-    x, y = axes
-    wide, high = (len(data[name].unique()) for name in axes)
-    panels = list(dict.fromkeys(data["panel"])) if "panel" in data else []
-    columns = 2 if len(panels) == 4 else min(columns, len(panels)) or 1
-    width, height = min(WIDTH / columns - 20, 60.0 * wide), max(120.0, min(300.0, 26.0 * high))
-    known = data[value].notna() if _is_named(data, value) else np.isfinite(data[value].astype(float))
-    cells, shade = _shaded(data, known, value, edges, colours)
-    base = alt.Chart().encode(
-        x=alt.X(**_cell_axis(data, x)),
-        y=alt.Y(**_cell_axis(data, y, "descending")),
-        tooltip=_tooltip(data, [name for name in ("panel", x, y, value) if name in data]),
-    )
-    solved = base.transform_filter(f"isValid(datum[{value!r}])")
-    layers = [solved.mark_rect().encode(color=shade)]
-    if "failed" in data:
-        layers.append(base.transform_filter("datum.failed").mark_rect(color="#bbbbbb"))
-        layers.append(base.transform_filter("datum.failed").mark_text(text="\u00d7", style="label", aria=False))
-    if "doubted" in data:
-        # in a corner of the cell, beside its number
-        dots = base.transform_filter("datum.doubted").mark_circle(
-            size=16, opacity=1, stroke="white", strokeWidth=0.8, aria=False
+    def chart(whole: int = WIDTH) -> Any:
+        width = (whole - (14 if look.shared else BETWEEN) * (columns - 1)) // columns
+        height = (300, 240, 190, 150)[min(columns, 4) - 1] if whole == WIDTH else 180
+        height = height if len(panels) <= columns else min(height, 160)
+        base = alt.Chart().encode(
+            x=channel(alt.X, drawn, x, look, width, max(3, width // 60)),
+            y=channel(alt.Y, drawn, y, look, height, max(3, height // 45)),
         )
-        corner = {"x": alt.X(**_cell_axis(data, x), bandPosition=0.9)}
-        corner["y"] = alt.Y(**_cell_axis(data, y, "descending"), bandPosition=0.2)
-        layers.append(dots.encode(color=alt.value("#1b1f24"), **corner))
-    if not colours and width >= (32 if edges else 44) * wide and height >= 14 * high:
-        # both ends of the classes are dark, and the lower half of the gradual colours
-        if edges:
-            dark = f"datum[{value!r}] < {edges[1]} || datum[{value!r}] >= {edges[-1]}"
-        else:
-            kind, low, top = _gradual(data.loc[known, value])
-            dark = f"datum[{value!r}] < {math.sqrt(low * top) if kind == 'log' else (low + top) / 2}"
-        number = alt.Text(field=escaped(value), type="quantitative", format=".2~r" if edges else ".3~r")
-        ink = alt.condition(dark, alt.value("white"), alt.value("#1b1f24"))
-        layers.append(solved.mark_text(fontSize=11, aria=False).encode(text=number, color=ink))
-    chart = alt.layer(*layers).properties(width=width, height=height, view=alt.ViewBackground(strokeOpacity=0))
-    notes = [note for name, note in marked.items() if name in data and bool(data[name].any())]
-    return Figure(title, caption, _faceted(chart, cells, panels, columns, shared=True), data, tuple(notes))
+        if side_by_side:
+            base = base.encode(yOffset=alt.YOffset("series:N", sort=None))
+        place = Place(x, y, width, height, whole)
+        points = shown
+        if "label" in shown and len(shown) <= MOST_LABELS:
+            points = shown.assign(side=_sides(shown, place, look))
+        layers = [*_guides(points, place, look), *_marks(base, points, place, look)]
+        room: Any = alt.Step(11) if side_by_side else alt.Step(20) if is_named(data, y) else height
+        made = alt.layer(*layers).properties(width=width, height=room)
+        return faceted(made, points if "side" in points else drawn, panels, columns, shared=look.shared)
 
-
-def spots(
-    title: str, caption: str, data: pd.DataFrame, axes: tuple[str, str], value: str, edges: Sequence[float]
-) -> Figure:
-    """Return points over two axes of numbers, whose colours are the classes of a value."""
-    import altair as alt
-
-    known = np.isfinite(data[value].astype(float))
-    points, colour = _shaded(data[known], known[known], value, edges)
-    x, y = axes
-    chart = alt.Chart(points).mark_point(stroke="#555555", strokeWidth=0.6, size=60).encode(
-        x=_channel(alt.X, points, x, Look(), 8), y=_channel(alt.Y, points, y, Look(), 6), color=colour,
-        tooltip=_tooltip(points, [x, y, value]),
-    )  # fmt: skip
-    return Figure(title, caption, chart.properties(width=WIDTH * 0.75, height=300), data[known])
+    half = partial(chart, HALF) if len(panels) <= 2 and look.shared else None
+    return Figure(title, caption, chart(), data, notes, half=half)
 
 
 def save(path: str | Path, figures: Sequence[Figure], *, notes: Sequence[str] = ()) -> None:
-    """Write figures below each other into a picture (PNG), with sentences at its foot."""
+    """Write figures into a picture (PNG), many of them in two columns, with sentences at its foot."""
     import altair as alt
     import vl_convert
     from PIL import Image
 
     said = [*notes, *(note for figure in figures for note in figure.notes)]
     lines = [line for note in dict.fromkeys(said) for line in textwrap.wrap(note, 105)]
-    charts = [figure.chart.properties(title=figure.title) for figure in figures]
-    sheet = alt.vconcat(*charts).resolve_scale(color="independent", shape="independent", strokeDash="independent")
+    apart: Any = dict.fromkeys(("color", "shape", "strokeDash"), "independent")
+    blocks = [
+        alt.concat(*(one.half().properties(title=one.title) for one in block if one.half), columns=2)
+        .resolve_scale(**apart)
+        .properties(spacing={"row": 24, "column": 30})
+        if len(block) > 1
+        else block[0].chart.properties(title=block[0].title)
+        for block in _blocks(figures)
+    ]
+    sheet = alt.vconcat(*blocks).resolve_scale(**apart)
     if lines:
         foot = alt.TitleParams(
             text=lines, orient="bottom", fontSize=11, fontWeight="normal", color="#555555", offset=14
@@ -281,6 +241,16 @@ def save(path: str | Path, figures: Sequence[Figure], *, notes: Sequence[str] = 
         Image.open(io.BytesIO(picture)).convert("RGB").save(temporary, "PNG")
 
 
+def _blocks(figures: Sequence[Figure]) -> list[list[Figure]]:
+    """Return the figures of a picture in blocks: of many, those that need half the width form two columns."""
+    many = len(figures) > MOST_STACKED
+    blocks: list[list[Figure]] = []
+    for narrow, group in itertools.groupby(figures, lambda figure: many and figure.half is not None):
+        block = list(group)
+        blocks += [block] if narrow else [[figure] for figure in block]
+    return blocks
+
+
 def picture(
     path: str | Path, rows: Iterable[Mapping[str, Any]], draw: Callable[[pd.DataFrame], list[Figure]]
 ) -> None:
@@ -289,8 +259,14 @@ def picture(
 
 
 def bands(*errors: float) -> tuple[Guide, ...]:
-    """Return shades up to plus and minus some errors in %, and the line at zero."""
-    return (*(Guide("y", -error, f"\u00b1{error:g} %", to=error) for error in errors), Guide("y", 0.0))
+    """Return shades up to plus and minus some errors in %, which a note of the figure names, and the line at zero."""
+    return (*(Guide("y", -error, to=error) for error in sorted(errors, reverse=True)), Guide("y", 0.0))
+
+
+def _shades(guides: Sequence[Guide]) -> tuple[str, ...]:
+    """Return the sentence on shades of errors: labels in the panels would lie on the data and on each other."""
+    ends = sorted(guide.to for guide in guides if guide.to is not None and guide.at == -guide.to and not guide.label)
+    return (f"Shades: errors within {' and '.join(f'{end:g}' for end in ends)} %.",) if ends else ()
 
 
 def table_of(rows: Iterable[Mapping[str, Any]]) -> pd.DataFrame:
@@ -369,59 +345,32 @@ def _spec(chart: Any) -> dict[str, Any]:
     return spec
 
 
-def _is_named(data: pd.DataFrame, column: str) -> bool:
+def is_named(data: pd.DataFrame, column: str) -> bool:
     return data[column].dtype.kind not in "fiub"
 
 
-def _cell_axis(data: pd.DataFrame, name: str, sort: str = "ascending") -> dict[str, Any]:
-    import altair as alt
-
-    # cells without a value have a place, too
-    values = list(dict.fromkeys(data[name])) if _is_named(data, name) else np.unique(data[name]).tolist()
-    texts = {} if _is_named(data, name) else {"labelExpr": "format(datum.value, '~g')"}
-    axis = alt.Axis(labelAngle=0, labelOverlap=True, ticks=False, **texts)
-    scale = alt.Scale(domain=values if sort == "ascending" else values[::-1])
-    return {"field": escaped(name), "type": "ordinal", "scale": scale, "sort": None, "axis": axis, "title": name}
+def wrapped(title: str, size: float) -> str | list[str]:
+    """Return the title of an axis, or its lines if it is longer than the axis, pixels, and would lie on others."""
+    lines = textwrap.wrap(title, max(12, int(size / LETTER)))
+    return lines if len(lines) > 1 else title
 
 
-def _shaded(
-    data: pd.DataFrame, known: Any, value: str, edges: Sequence[float], colours: Mapping[str, str] = {}
-) -> tuple[pd.DataFrame, Any]:
-    import altair as alt
-
-    if colours:
-        scale = alt.Scale(domain=list(colours), range=list(colours.values()))
-        legend = alt.Legend(columns=6, title=value, symbolStrokeColor="#999999", symbolStrokeWidth=1)
-        return data, alt.Color(field=escaped(value), type="nominal", scale=scale, legend=legend, sort=None)
-    if edges:
-        ends = [short(edge).replace("-", "\N{MINUS SIGN}") for edge in edges]
-        names = [f"below {ends[0]}", *map(" to ".join, itertools.pairwise(ends)), f"above {ends[-1]}"]
-        numbers = np.searchsorted(edges, data[value].astype(float), side="right")
-        cells = data.assign(shade=[names[k] if some else None for k, some in zip(numbers, known, strict=True)])
-        scale = alt.Scale(domain=names, range=list(ERROR_COLOURS))
-        # the class around zero is nearly white
-        legend = alt.Legend(columns=5, title=value, symbolStrokeColor="#999999", symbolStrokeWidth=1)
-        return cells, alt.Color("shade:N", scale=scale, legend=legend, sort=None)
-    kind, low, high = _gradual(data.loc[known, value])
-    scale = alt.Scale(type=kind, scheme="cividis", domain=[low, high if high > low else low + (abs(low) or 1.0)])
-    legend = alt.Legend(title=value, gradientLength=220)
-    return data, alt.Color(field=escaped(value), type="quantitative", scale=scale, legend=legend)
-
-
-def _gradual(values: pd.Series) -> tuple[Any, float, float]:
-    low, high = (float(values.min()), float(values.max())) if len(values) else (0.0, 1.0)
-    return "log" if low > 0 and high > WIDE * low else "linear", low, high
-
-
-def _channel(kind: Any, data: pd.DataFrame, name: str, look: Look, ticks: int) -> Any:
+def channel(kind: Any, data: pd.DataFrame, name: str, look: Look, size: float, ticks: int) -> Any:
+    """Return the channel of an axis, `size` pixels long, with about so many ticks."""
     import altair as alt
 
     way, field = kind.__name__.lower(), escaped(name)
-    if _is_named(data, name):
-        title = None if way == "y" else name
+    if is_named(data, name):
+        title = None if way == "y" else wrapped(name, size)
         return kind(field=field, type="nominal", sort=None, title=title, axis=alt.Axis(labelLimit=420))
     scale, axis = _numbers(data, name, way, look)
-    return kind(field=field, type="quantitative", scale=scale, axis=alt.Axis(tickCount=ticks, **axis), title=name)
+    return kind(
+        field=field,
+        type="quantitative",
+        scale=scale,
+        axis=alt.Axis(tickCount=ticks, **axis),
+        title=wrapped(name, size),
+    )
 
 
 def _numbers(data: pd.DataFrame, name: str, way: str, look: Look) -> tuple[Any, dict[str, Any]]:
@@ -448,7 +397,9 @@ def _numbers(data: pd.DataFrame, name: str, way: str, look: Look) -> tuple[Any, 
     return alt.Scale(zero=zero, padding=padding, nice=way == "y"), powers
 
 
-def _styles(data: pd.DataFrame, look: Look, *, marked: bool) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
+def _styles(
+    data: pd.DataFrame, look: Look, whole: int, *, marked: bool
+) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
     """Return the encodings of series by colour, of models by dashes, and of either by markers, if these are seen."""
     import altair as alt
 
@@ -460,7 +411,7 @@ def _styles(data: pd.DataFrame, look: Look, *, marked: bool) -> tuple[dict[str, 
         first = [f"{name} " if column == "dash" else name for name in look.names if column != "series" or alone]
         names = [*first, *(name for name in present if name not in first)]
         more = {"range": [values[k % len(values)] for k in range(len(names))]} if values else {}
-        columns = max(1, int(WIDTH / (LETTER * max(map(len, present), default=1) + 34)))
+        columns = max(1, int(whole / (LETTER * max(map(len, present), default=1) + 34)))
         # a symbol as long as two dashes tells the patterns apart; markers have their own size
         kept = {"symbolType": "stroke", "symbolSize": 600} if (look.dashed and not marked) or kind is dash else {}
         legend = (
@@ -478,21 +429,21 @@ def _styles(data: pd.DataFrame, look: Look, *, marked: bool) -> tuple[dict[str, 
     )
 
 
-def _marks(base: Any, data: pd.DataFrame, axes: tuple[str, str], look: Look) -> list[Any]:
+def _marks(base: Any, data: pd.DataFrame, place: Place, look: Look) -> list[Any]:
     import altair as alt
 
-    x, y = axes
+    x, y = place.x, place.y
     layers = []
     groups = [name for name in ("panel", "series", "model") if name in data]
     longest = int(data.groupby(groups, sort=False).size().max()) if groups and len(data) else len(data)
     few = longest <= MOST_LINE_MARKS or not look.line
     drawn = base.transform_filter("datum.drawn") if "drawn" in data else base
-    colour, dashes, shape = _styles(data, look, marked=few or "joined" in data)
+    colour, dashes, shape = _styles(data, look, place.whole, marked=few or "joined" in data)
     if "low" in data and look.across:
-        layers.append(drawn.mark_rule().encode(x=alt.X("low:Q", title=x), x2="high", **colour))
+        layers.append(drawn.mark_rule().encode(x=alt.X("low:Q", title=wrapped(x, place.width)), x2="high", **colour))
     elif "low" in data:
         interval = drawn.mark_area(opacity=0.18) if look.line else drawn.mark_rule()
-        layers.append(interval.encode(y=alt.Y("low:Q", title=y), y2="high", **colour))
+        layers.append(interval.encode(y=alt.Y("low:Q", title=wrapped(y, place.height)), y2="high", **colour))
     if look.line:
         line = drawn.transform_filter("datum.joined") if "joined" in data else drawn
         order = {"order": alt.Order("order:Q")} if look.ordered else {}
@@ -505,11 +456,11 @@ def _marks(base: Any, data: pd.DataFrame, axes: tuple[str, str], look: Look) -> 
         )
         layers.append(
             ends.mark_rule(strokeDash=[2, 3], strokeWidth=1.5, aria=False).encode(
-                x=alt.X("limit:Q", title=x), **colour
+                x=alt.X("limit:Q", title=wrapped(x, place.width)), **colour
             )
         )
     columns = ["panel", "point", "series", "model", x, y, "low", "high"]
-    tooltip = _tooltip(data, [name for name in columns if name in data])
+    tooltip = readout(data, [name for name in columns if name in data])
     points = drawn.transform_filter("!datum.joined") if "joined" in data else drawn
     visible = few or "joined" in data
     filled = points.transform_filter("!datum.open") if "open" in data else points
@@ -519,18 +470,54 @@ def _marks(base: Any, data: pd.DataFrame, axes: tuple[str, str], look: Look) -> 
         empty = points.transform_filter("datum.open").mark_point(filled=False, fill="white", strokeWidth=1.6)
         layers.append(empty.encode(tooltip=tooltip, **colour, **shape))
     if "label" in data and len(data) <= MOST_LABELS:
-        layers.append(drawn.mark_text(dx=9, align="left", style="label", aria=False).encode(text="label:N"))
+        for side in filter(None, dict.fromkeys(data["side"])):
+            named = drawn.transform_filter(f"datum.side == {side!r}")
+            layers.append(named.mark_text(style="label", aria=False, **SIDES[side]).encode(text="label:N"))
     if "failed" in data:
         lost = base.transform_filter("datum.failed").mark_point(shape="cross", angle=45, style="failed")
         layers.append(lost.encode(y=alt.value("height"), **colour))
     return layers
 
 
-def _guides(guides: Sequence[Guide]) -> list[Any]:
+def _fractions(values: Array, *, log: bool) -> Array:
+    """Return where values lie on an axis, from about 0 at its beginning to about 1 at its end."""
+    values = np.log(np.where(values > 0, values, np.nan)) if log else values
+    low, high = np.nanmin(values, initial=np.inf), np.nanmax(values, initial=-np.inf)
+    return np.asarray((values - low) / (high - low if high > low else 1.0))
+
+
+def _sides(data: pd.DataFrame, place: Place, look: Look) -> list[str]:
+    """Return on which side of its point each label stands; "" for one that would lie on others on every side."""
+    numbers = (data[name].to_numpy(dtype=float) for name in (place.x, place.y))
+    x, y = (_fractions(values, log=way in look.log) for way, values in zip("xy", numbers, strict=True))
+    across, up = x * place.width, (1 - y) * place.height
+    panels = data["panel"] if "panel" in data else np.zeros(len(data))
+    taken = [(panel, a - 5, b - 5, a + 5, b + 5) for panel, a, b in zip(panels, across, up, strict=True)]
+    sides = []
+    for panel, a, b, label in zip(panels, across, up, data["label"], strict=True):
+        chosen = ""
+        for side, how in SIDES.items() if label else ():
+            wide = LETTER * len(label)
+            left = a + how["dx"] - {"left": 0.0, "right": wide, "center": wide / 2}[how["align"]]
+            box = (left, b + how["dy"] - 6, left + wide, b + how["dy"] + 6)
+            # beside the points there is room for the longest label
+            inside = side in ("left", "right") or (box[1] > 0 and box[3] < place.height)
+            if inside and not any(
+                panel == other and box[0] < c and box[2] > o and box[1] < d and box[3] > p
+                for other, o, p, c, d in taken
+            ):
+                taken.append((panel, *box))
+                chosen = side
+                break
+        sides.append(chosen)
+    return sides
+
+
+def _guides(data: pd.DataFrame, place: Place, look: Look) -> list[Any]:
     import altair as alt
 
     layers: list[Any] = []
-    for guide in guides:
+    for guide in look.guides:
         one = alt.Chart(alt.Data(values=[{}]))
         if guide.to is not None:
             ends = {guide.axis: alt.datum(guide.at), f"{guide.axis}2": alt.datum(guide.to)}
@@ -538,34 +525,42 @@ def _guides(guides: Sequence[Guide]) -> list[Any]:
         else:
             layers.append(one.mark_rule(style="guide", aria=False).encode(**{guide.axis: alt.datum(guide.at)}))
         if guide.label:
-            where = {"x": alt.datum(guide.at), "y": alt.value(8)}
+            # above the frame, where no data are
+            where = {"x": alt.datum(guide.at), "y": alt.value(-7)}
             if guide.axis == "y":
                 end = alt.datum(guide.at if guide.to is None else guide.to)
                 where = {"x": alt.value(0 if guide.left else "width"), "y": end}
-            right = guide.axis == "y" and not guide.left
+            right = not guide.left
+            if guide.axis == "x":
+                # a label right of a line near the right end would leave the frame
+                reach = np.append(data[place.x].to_numpy(dtype=float), guide.at)
+                share = _fractions(reach, log="x" in look.log)[-1]
+                right = share * place.width + LETTER * len(guide.label) > place.width
             shift = {"dx": -4 if right else 4, "align": "right" if right else "left", "dy": 7 * (guide.axis == "y")}
             layers.append(one.mark_text(text=guide.label, style="guide-label", aria=False, **shift).encode(**where))
     return layers
 
 
-def _tooltip(data: pd.DataFrame, columns: Sequence[str]) -> list[Any]:
+def readout(data: pd.DataFrame, columns: Sequence[str]) -> list[Any]:
     import altair as alt
 
     return [
         alt.Tooltip(field=escaped(name), type="nominal", title=name)
-        if _is_named(data, name)
+        if is_named(data, name)
         else alt.Tooltip(field=escaped(name), type="quantitative", format=".4~g", title=name)
         for name in columns
     ]
 
 
-def _faceted(chart: Any, data: pd.DataFrame, panels: Sequence[str], columns: int, *, shared: bool) -> Any:
+def faceted(chart: Any, data: pd.DataFrame, panels: Sequence[str], columns: int, *, shared: bool) -> Any:
     import altair as alt
 
     if len(panels) < 2 and not any(panels):
         return chart.properties(data=data)
     facet = alt.Facet("panel:N", title=None, sort=list(panels))
-    chart = chart.facet(data=data, facet=facet, columns=columns)
+    # without the room of their axes, which differ, panels stand in line
+    room: Any = {} if shared else {"bounds": "flush", "spacing": {"row": 84, "column": BETWEEN}}
+    chart = chart.facet(data=data, facet=facet, columns=columns, **room)
     if not shared:
         return chart.resolve_scale(x="independent", y="independent")
     # an axis below all columns would stand under a place without a panel, too
@@ -588,7 +583,7 @@ def _thinned(data: pd.DataFrame, y: str, look: Look) -> tuple[pd.DataFrame, tupl
     share = MOST_MARKS / len(data)
     drawn = np.zeros(len(data), dtype=bool)
     members = data.groupby(groups, sort=False).indices.values() if groups else [np.arange(len(data))]
-    numbers = np.arange(len(data)) if _is_named(data, y) else data[y].to_numpy(dtype=float)
+    numbers = np.arange(len(data)) if is_named(data, y) else data[y].to_numpy(dtype=float)
     for rows in members:
         count = max(4, math.floor(share * len(rows)))
         drawn[rows[np.linspace(0, len(rows) - 1, min(count - 2, len(rows))).round().astype(int)]] = True

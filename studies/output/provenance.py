@@ -9,7 +9,7 @@ import platform
 import subprocess
 import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -36,20 +36,25 @@ class Run:
     command : command line; empty if a Python function was called.
     made : the sentence with command, versions and commit.
     design : fields of the design; empty if there is no single one.
+    sweep : which columns of a sweep's table are axes and which are those of its models; empty for other runs.
     """
 
     command: str
     made: str
     design: Mapping[str, Any]
+    sweep: Mapping[str, Any] = field(default_factory=dict)
 
 
-def write(folder: Path, command: str, design: Mapping[str, Any], origin: str = "") -> None:
+def write(
+    folder: Path, command: str, design: Mapping[str, Any], origin: str = "", sweep: Mapping[str, Any] = {}
+) -> None:
     """Write the record of a run into its folder.
 
-    `origin`: text from `versions`; default: the present one.
+    `origin`: text from `versions`; default: the present one; `sweep`: as in `Run`.
     """
     sentence = made(command, origin or versions())
     record = {"format": FORMAT, "command": command, "made": sentence, "design": dict(design)}
+    record |= {"sweep": dict(sweep)} if sweep else {}
     atomic_files.write_json(folder / NAME, record)
 
 
@@ -58,7 +63,7 @@ def read(file: Path) -> Run:
     try:
         record = json_object(file)
         check_format(file, record)
-        return Run(str(record["command"]), str(record["made"]), dict(record["design"]))
+        return Run(str(record["command"]), str(record["made"]), dict(record["design"]), dict(record.get("sweep", {})))
     except Newer:
         raise
     except (BadInput, KeyError, TypeError, ValueError):  # dict() of what is none is a TypeError or a ValueError

@@ -17,7 +17,8 @@ from geometry.loads import tilts_of
 from geometry.messages import Progress
 from studies.inputs.option_groups import Basis, LayoutParts
 from studies.output import page_templates
-from studies.output.figures import COLOURS, Figure, Guide, Look, heat, numbers, picture, plot, save, texts
+from studies.output.figures import COLOURS, Figure, Guide, Look, numbers, picture, plot, save, texts
+from studies.output.maps import heat
 from studies.output.records import FlatRow
 from studies.output.result import Result, Table, Writer
 from studies.output.table_files import write_table

@@ -388,9 +388,64 @@ def run(request: Request, progress: Progress) -> Result:
         },
         pages={"SENSITIVITY.md": page(request, found)},
         packages=("SALib",),
-        remarks=[] if lost else said,
+        remarks=[] if lost else [*said, *findings(found)],
         failures=said if lost else [],
     )
+
+
+def findings(found: Mapping[str, Found]) -> list[str]:
+    """Return a sentence of each method: which input matters most for which output, or how much made sensors err."""
+    said = []
+    for method, measure, name in (("sobol", "total_order", "Sobol"), ("morris", "mu_star", "Morris")):
+        rows = found[method].rows if method in found else []
+        if clauses := _clauses(rows, measure):
+            said.append(f"{name}: {'; '.join(clauses)}")
+    worst = [
+        f"{row['value']:.2g} N along {row['axis']} ({row['low']:.2g} to {row['high']:.2g} N)"
+        for row in (found["montecarlo"].rows if "montecarlo" in found else ())
+        if row["quantity"] == "zeroed_force_error" and row["percentile"] == 95 and None not in _interval(row, "")
+    ]
+    if worst:
+        said.append(f"made sensors: after zeroing 95 % of them err by at most {', '.join(worst)}")
+    return said
+
+
+def _clauses(rows: Sequence[FlatRow], measure: str) -> list[str]:
+    """Return which input matters most for which outputs, unknown where its interval overlaps that of another one."""
+    most: dict[str, list[str]] = {}
+    unknown, idle = [], []
+    for output, group in itertools.groupby(rows, lambda row: row["output"]):
+        known = [row for row in group if None not in _interval(row, measure)]
+        ranked = sorted(known, key=lambda row: -row[measure])
+        name = heading(output)[0]
+        if not ranked:
+            unknown.append(f"{name} (no result)")
+        elif not ranked[0][f"{measure}_high"] > 0:
+            idle.append(name)
+        elif near := [row for row in ranked[1:] if row[f"{measure}_high"] >= ranked[0][f"{measure}_low"]]:
+            alike = [f"{row['input']} {_size(row, measure)}" for row in (ranked[0], *near)]
+            texts = ", ".join(alike) if len(alike) <= MOST_NAMED else f"{len(alike)} inputs"
+            unknown.append(f"{name} (the intervals of {texts} overlap)")
+        else:
+            most.setdefault(ranked[0]["input"], []).append(f"{name} {_size(ranked[0], measure)}")
+    said = [f"{name} matters most for {', '.join(outputs)}" for name, outputs in most.items()]
+    said += [f"no input changes {', '.join(idle)}"] if idle else []
+    return said + ([f"unknown what matters most for {', '.join(unknown)}"] if unknown else [])
+
+
+def _interval(row: FlatRow, measure: str) -> tuple[float | None, ...]:
+    names = (measure, f"{measure}_low", f"{measure}_high") if measure else ("value", "low", "high")
+    return tuple(row[name] for name in names)
+
+
+def _size(row: FlatRow, measure: str) -> str:
+    """Return a share of the variance, %, or an effect over the full range of the input, with its interval."""
+    value, low, high = (float(row[name]) for name in (measure, f"{measure}_low", f"{measure}_high"))
+    if measure == "total_order":
+        # a share lies within 0 and 1, its interval by sampling may not
+        return f"{100 * value:.0f} % [{100 * max(low, 0.0):.0f} to {100 * min(high, 1.0):.0f} %]"
+    unit = row["effect_unit"].removesuffix(" per full range")
+    return f"{value:.2g} {unit} [{low:.2g} to {high:.2g}]"
 
 
 def page(request: Request, found: Mapping[str, Found]) -> str:
@@ -400,6 +455,7 @@ def page(request: Request, found: Mapping[str, Found]) -> str:
         load=request.load,
         tolerances=_effective_tolerances(request) if "montecarlo" in found else (),
         titled=titled,
+        findings=findings(found),
         **{name: found.get(name) for name in METHODS},
     )
 

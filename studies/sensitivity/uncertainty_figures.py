@@ -19,7 +19,7 @@ MADE = {
     "recalibrated_force_error_N": "force error after recalibration (N)",
 }
 """Quantities of made sensors that are drawn, by the middle of their columns' names."""
-VALUE, BELOW = "sensitivity or force error", "sensors below (%; dashed: 95)"
+VALUE, BELOW = "sensitivity or force error", "sensors below (%)"
 MOST_STEPS = 200
 """Number of points of a distribution: a curve needs no more."""
 
@@ -112,5 +112,5 @@ def made_sensors(table: pd.DataFrame) -> list[Figure]:
         f"the sensors that work have a force error after zeroing of at most: {', '.join(sentences)}."
     )
     data = pd.concat(parts, ignore_index=True) if parts else pd.DataFrame({VALUE: [], BELOW: []})
-    look = Look(shared=False, dashed=True, guides=(Guide("y", 95.0),))
+    look = Look(shared=False, dashed=True, guides=(Guide("y", 95.0, "95 %"),))
     return [plot("Sensors made within their tolerances", caption, data, VALUE, BELOW, look)]

@@ -6,8 +6,7 @@ reference, the last finite-element model of the study, in % of the case's own va
 a shear is not positive, or within its own error of 0, the beam gave way: no error along the shear is stated, and
 `error_status` is `gave_way`, as in `studies.validation.assumption`. It is `unknown` where that error is.
 
-Columns of a model begin with `fem_` or `analytic_`; if a study has several models of a kind, with their names too:
-`fem_quick_`, `analytic_finite_`.
+Columns are named as `studies.sweeps.sweep_columns` says.
 
 Each of several models has a status of its own in each row: `ok`, `unstable` and so on of finite elements, `ok` or
 `bad_input` of formulas and of the surrogate. The row's `status` is that of the reference, and of the quantities that
@@ -40,6 +39,7 @@ from studies.mechanics.model_choice import along_shear
 from studies.mechanics.path_solver import Answer, frequency_unit
 from studies.mechanics.solve_plan import IMPOSSIBLE
 from studies.mechanics.study_cases import Batch, Columns, Plan, Problem, Recent
+from studies.sweeps.sweep_columns import SweepColumns, prefixes, status_columns
 
 NAN = math.nan
 FIRST_AXES = ("D", "L", "f", "E", "depth")
@@ -75,32 +75,6 @@ MOST_DECODERS = 16
 
 
 # Results of a model
-
-
-def prefixes(plan: Plan) -> dict[str, str]:
-    """Return the first part of the columns of each model by the model's name."""
-    fem = {
-        model.name: f"{model.name}_"
-        if model.tolerance or model.surrogate
-        else _prefix("fem", model.name, sum(not one.surrogate for one in plan.fem))
-        for model in plan.fem
-    }
-    return fem | {level: _prefix("analytic", level, len(plan.formulas)) for level in plan.formulas}
-
-
-def _prefix(kind: str, name: str, count: int) -> str:
-    return f"{kind}_" if count == 1 else f"{kind}_{name.replace('-', '_')}_"
-
-
-def status_columns(plan: Plan) -> dict[str, str]:
-    """Return the column of each model's status by the model's name; none if the study has a single model."""
-    names = prefixes(plan)
-    return {name: f"{prefix}status" for name, prefix in names.items()} if len(names) > 1 else {}
-
-
-def error_prefix(plan: Plan, name: str) -> str:
-    """Return the first part of an error's column: none if the study has one model besides the reference."""
-    return "" if len(plan.fem) + len(plan.formulas) <= 2 else prefixes(plan)[name]
 
 
 def spread(batch: Batch, responses: Sequence[Response | None]) -> Columns:
@@ -161,6 +135,7 @@ class Rows:
         self._formulas: Recent[Answer] = Recent()
         self._decoders: Recent[Any] = Recent(MOST_DECODERS)
         self.prefixes = prefixes(plan)
+        self._named = SweepColumns.of_plan(plan)
 
     def columns(self, batch: Batch, solved: Solved) -> Columns:
         """Return the table of a batch."""
@@ -227,7 +202,7 @@ class Rows:
         if plan.truth:
             for model in (model for model in results if model != plan.truth):
                 for name in shown:
-                    error = f"{error_prefix(plan, model)}{name.rpartition('_')[0].replace('shift_z', 'shift')}"
+                    error = f"{self._named.error_prefix(model)}{name.rpartition('_')[0].replace('shift_z', 'shift')}"
                     stated = percents(results[model][name], results[plan.truth][name])
                     table[f"{error}_error_percent"] = np.where(gave_way & (name in SIDEWAYS), NAN, stated)
         return table
@@ -360,7 +335,7 @@ class Rows:
             truth = read[self.plan.truth][0][:, k] - rest[:, k]
             for name, (field, _) in read.items():
                 if name != self.plan.truth:
-                    column = f"{error_prefix(self.plan, name)}{element}_error_percent_of_change"
+                    column = f"{self._named.error_prefix(name)}{element}_error_percent_of_change"
                     table[column] = np.where(other, NAN, percents(field[:, k] - rest[:, k], truth))
         return table
 

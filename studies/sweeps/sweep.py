@@ -42,7 +42,8 @@ from studies.mechanics.study_cases import (
 from studies.output import atomic_files, console, table_files
 from studies.output.records import FlatRow
 from studies.output.result import Result, Table, Texts
-from studies.sweeps.study_rows import Rows, Solved, flat_rows, status_columns
+from studies.sweeps.study_rows import Rows, Solved, flat_rows
+from studies.sweeps.sweep_columns import status_columns
 
 if TYPE_CHECKING:
     from studies.inputs.option_groups import Sweep

@@ -1,9 +1,10 @@
 """Figures of a sweep's table: quantities over its axes by all models, with their errors, for picture and page.
 
-The axes are the columns before the first result. The longest axis of numbers is horizontal, the next one has colours,
-or is the vertical axis of maps if it has many values; up to two more make panels. Axes without effect are named, and
-what would need too many panels is shown by its extremes. Sampled points are shown over each axis. Of a study with
-more than some ten thousand cases every k-th value of its longest axes is drawn, and a note says so.
+What a column is, an axis or an answer of a model, the study says (`studies.sweeps.sweep_columns.SweepColumns`). The
+longest axis of numbers is horizontal, the next one has colours, or is the vertical axis of maps if it has many
+values; up to two more make panels. Axes without effect are named, and what would need too many panels is shown by its
+extremes. Each model has markers and dashes, or panels of maps, of its own. Sampled points are shown over each axis.
+Of a study with more than some ten thousand cases every k-th value of its longest axes is drawn, and a note says so.
 """
 
 from __future__ import annotations
@@ -26,21 +27,17 @@ from studies.inputs import study_input
 from studies.mechanics.path_solver import KINDS
 from studies.mechanics.study_cases import Columns, Plan
 from studies.output import figures
-from studies.output.figures import ERROR_EDGES, Figure, Guide, Look, short
+from studies.output.figures import Figure, Guide, Look, bands, short
+from studies.output.maps import ERROR_EDGES, heat, spots
 from studies.output.text_tables import quantity_name
+from studies.sweeps.sweep_columns import SweepColumns
 
 if TYPE_CHECKING:
     import pandas as pd
 
-MODELS = ("fem", "analytic", "chosen", "surrogate")
-"""Beginnings of the columns of results; the name of an accuracy or of a level may follow."""
-PLAIN = ("response", "loop", "critical", "mode1")
-"""Beginnings of the columns of results that the finite elements alone have."""
 with Path(__file__).with_name("sweep_quantities.csv").open(encoding="utf-8", newline="") as _file:
     QUANTITIES = {row["quantity"]: row for row in csv.DictReader(_file)}
 """Quantities that are drawn: names of their axes, and columns and names of their errors, in %."""
-OTHER_ENDS = ("force", "shift", "tilt", "contact", "radius", "critical", "decoded")
-"""Last words of what stands before the name of a quantity in a column of another quantity."""
 MOST_COLOURS = 6
 """Greatest number of values of an axis that are told apart by colours."""
 MOST_PANELS = 12
@@ -52,8 +49,6 @@ LEAST_RATIO = 8.0
 """Ratio of the last to the first value from which a logarithmic axis is of use."""
 BEYOND = 5.0
 """Ratio to the error that 90 % of the cases do not exceed beyond which a plot does not show errors."""
-SHADES = (Guide("y", -10.0, to=10.0), Guide("y", -5.0, to=5.0), Guide("y", 0.0))
-"""Shades of errors within 5 and 10 %, which the axis names: labels in the panels would lie on the data."""
 BINS = 8
 """Number of parts of an axis between whose means the effect of the axis is measured."""
 MOST_NOTED = 100
@@ -70,32 +65,29 @@ class View(NamedTuple):
     maps: bool = False
 
 
-def sweep(table: pd.DataFrame, quantities: Sequence[str] = tuple(QUANTITIES)) -> list[Figure]:
+class Subject(NamedTuple):
+    """What a figure shows: its title, the label of its numbers, and whether these are errors of models, in %."""
+
+    title: str
+    label: str
+    is_error: bool = False
+
+
+def sweep(table: pd.DataFrame, study: SweepColumns, quantities: Sequence[str] = tuple(QUANTITIES)) -> list[Figure]:
     """Return the figures of rows of sweep.csv, those of a quantity and of its errors one after the other."""
-    over = {f"{name.removesuffix('_over_D')}_mm" for name in map(str, table.columns) if name.endswith("_over_D")}
-    # an axis over D stands for its length
-    table, notes = _grouped_axes(table.drop(columns=[name for name in over if name in table]))
-    axes = axes_of(table)
-    present = [quantity for quantity in quantities if models_of(table, quantity)]
-    if not axes or not present or not len(table):
+    axes = [name for name in study.axes if table[name].nunique() > 1] or list(study.axes[:1])
+    if not axes or not len(table):
         return []
-    answered = table["status"].isin(ANSWERED)
-    gave_way = table["error_status"] == "gave_way" if "error_status" in table else False
-    table = table.assign(failed=~answered, open=answered & (table["status"] != "ok"), gave_way=gave_way)
-    notes = [*notes, *failures(table)]
+    table, axes, notes = _grouped_axes(table, axes)
+    notes += failures(table)
     draw = _scattered if is_sampled(table, axes) else _over_grid
-    drawn = [figure for quantity in present for figure in draw(table, axes, quantity)]
+    drawn = [figure for quantity in quantities for figure in draw(table, axes, study, quantity)]
     return [replace(drawn[0], notes=(*drawn[0].notes, *notes)), *drawn[1:]] if drawn else []
 
 
-def axes_of(table: pd.DataFrame) -> list[str]:
-    """Return the columns of the axes: those before the results that have several values, else the first one."""
-    names = []
-    for name in table.columns:
-        if name.split("_")[0] in (*MODELS, *PLAIN) or name in ("status", "failed"):
-            break
-        names.append(str(name))
-    return [name for name in names if table[name].nunique() > 1] or names[:1]
+def drawn_quantities(study: SweepColumns, table: pd.DataFrame) -> list[str]:
+    """Return the quantities that figures show of a table."""
+    return [name for name in QUANTITIES if study.answers(name, table.columns)]
 
 
 def is_sampled(table: pd.DataFrame, axes: Sequence[str]) -> bool:
@@ -103,29 +95,58 @@ def is_sampled(table: pd.DataFrame, axes: Sequence[str]) -> bool:
     return len(table) > 8 and all(table[name].nunique() > 0.5 * len(table) for name in axes) and len(axes) > 1
 
 
-def models_of(table: pd.DataFrame, end: str) -> list[str]:
-    """Return the columns of a quantity, finite elements first."""
-    found = [str(name) for name in table.columns if name == end or name.endswith(f"_{end}")]
-    words = {name: name.removesuffix(f"_{end}").split("_") for name in found}
-    exact = [n for n, each in words.items() if n == end or (each[0] in MODELS and each[-1] not in OTHER_ENDS)]
-    known = [name for name in exact if table[name].dtype.kind in "fiu"]
-    return sorted(known, key=lambda name: not name.startswith("fem"))
+def answers(table: pd.DataFrame, axes: Sequence[str], study: SweepColumns, quantity: str) -> pd.DataFrame:
+    """Return the answers of all models to a quantity, a row for each model and case, model after model.
 
-
-def model_name(column: str, end: str) -> str:
-    """Return a model's name as a legend has it.
-
-    >>> model_name("analytic_finite_force_N", "force_N"), model_name("fem_force_N", "force_N")
-    ('formula, level finite', 'finite elements')
+    Columns are the axes, the model's name, the `value` (NaN where the model failed), whether it `failed`, whether
+    the state is not known to be stable (`open`), and the depth at which the press buckles (`limit`), where known.
     """
-    if column == end:
-        return "the formula" if "error" in end else "finite elements"
-    kind, _, level = column.removesuffix(end).strip("_").partition("_")
-    names = {"fem": "finite elements", "analytic": "formula", "chosen": "chosen model", "surrogate": "surrogate"}
-    base = names.get(kind, "formula")
-    if kind == "analytic" and not level:
-        return "the paper's formula"
-    return f"{base}, {'level ' if kind == 'analytic' else ''}{level}" if level else base
+    import pandas as pd
+
+    parts = []
+    for model, column in study.answers(quantity, table.columns).items():
+        failed, doubted = _verdicts(table, study, model)
+        value = table[column].where(~failed)
+        # a formula knows no stability
+        opened = doubted & value.notna() & (not study.is_formula(model))
+        parts.append(_part(table, axes, study.title(model), value, failed).assign(open=opened))
+    return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame({"model": [], "value": []})
+
+
+def errors(table: pd.DataFrame, axes: Sequence[str], study: SweepColumns, quantity: str) -> pd.DataFrame:
+    """Return the errors of all models against the reference as `answers` does; the reference says what is stable."""
+    import pandas as pd
+
+    column = QUANTITIES[quantity]["error"]
+    failed, doubted = _verdicts(table, study, study.reference)
+    gave_way = table["error_status"] == "gave_way" if "error_status" in table else pd.Series(False, table.index)
+    parts = []
+    for model, name in study.errors(column, table.columns).items() if column else ():
+        lost = failed | gave_way | _verdicts(table, study, model)[0]
+        value = table[name].where(~lost)
+        parts.append(
+            _part(table, axes, study.title(model), value, lost).assign(
+                open=doubted & value.notna(), gave_way=gave_way
+            )
+        )
+    return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame({"model": [], "value": []})
+
+
+def _part(table: pd.DataFrame, axes: Sequence[str], model: str, value: pd.Series, failed: pd.Series) -> pd.DataFrame:
+    part = table[list(axes)].assign(model=model, value=value, failed=failed)
+    if "critical_depth_mm" in table:
+        part["limit"] = table["critical_depth_mm"] / (table["D_mm"] if "depth_over_D" in axes else 1.0)
+    return part
+
+
+def _verdicts(table: pd.DataFrame, study: SweepColumns, model: str) -> tuple[pd.Series, pd.Series]:
+    """Return where a model has no answer, and where its state is not known to be stable; of "" that of the row."""
+    own = study.status(model)
+    status = table[own if own in table else "status"]
+    answered = status.isin(ANSWERED)
+    # the search for a critical depth may doubt a state of the reference
+    later = table["status"].isin(ANSWERED) & (table["status"] != "ok") & (model in ("", study.reference))
+    return ~answered, answered & ((status != "ok") | later)
 
 
 def value_of(column: str, value: Any, D: float | None = None) -> str:
@@ -179,33 +200,31 @@ def failures(table: pd.DataFrame) -> list[str]:
     return [text.rstrip(".") + "."]
 
 
-def _grouped_axes(table: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
-    """Return the table with one axis for each group of axes that vary together, and sentences on them.
+def _grouped_axes(table: pd.DataFrame, axes: list[str]) -> tuple[pd.DataFrame, list[str], list[str]]:
+    """Return the table and its axes with one axis for each group of axes that vary together, and sentences on them.
 
     The axis with the most values stands for its group; if its values repeat, the axis has the values of all as texts.
     """
     notes: list[str] = []
-    axes = axes_of(table)
     if is_sampled(table, axes):
-        return table, notes
-    for first, second in ((a, b) for k, a in enumerate(axes) for b in axes[k + 1 :]):
-        if first not in table or second not in table:
+        return table, axes, notes
+    for first, second in itertools.combinations(axes, 2):
+        if first not in axes or second not in axes:
             continue
         leader, other = sorted((first, second), key=lambda name: -table[name].nunique())
         pairs = len(table[[leader, other]].drop_duplicates())
         if pairs == table[leader].nunique():
             notes.append(f"{in_words(other)} varies together with {in_words(leader)}.")
-            table = table.drop(columns=other)
+            axes = [name for name in axes if name != other]
         elif pairs < table[leader].nunique() * table[other].nunique():
             texts = [
                 f"{value_of(first, a)}, {value_of(second, b)}"
                 for a, b in zip(table[first], table[second], strict=True)
             ]
-            place = list(table.columns).index(first)
-            table = table.drop(columns=[first, second])
-            table.insert(place, f"{in_words(first)}, {in_words(second)}", texts)
-            return _grouped_axes(table)
-    return table, notes
+            both = f"{in_words(first)}, {in_words(second)}"
+            axes = [both if name == first else name for name in axes if name != second]
+            return _grouped_axes(table.assign(**{both: texts}), axes)
+    return table, axes, notes
 
 
 def in_words(column: str) -> str:
@@ -213,164 +232,165 @@ def in_words(column: str) -> str:
     return quantity_name(column).partition(" (")[0]
 
 
-def _spread(table: pd.DataFrame, axes: Sequence[str], axis: str, columns: Sequence[str]) -> tuple[float, bool]:
-    """Return how far an axis spreads columns, over the whole spread of each, and whether it changes any of them.
+def _spread(tidy: pd.DataFrame, axes: Sequence[str], axis: str) -> tuple[float, bool]:
+    """Return how far an axis spreads the values of each model, over their whole spread, and whether it changes any.
 
     A value of the axis for which all cases failed changes them, too.
     """
     others = [name for name in axes if name != axis]
-    solved = table[~table["failed"]]
-    size, changes = 0.0, solved[axis].nunique() < table[axis].nunique() and len(solved) > 0
-    for column in columns:
-        values = solved[column] if not others else solved.groupby(others, sort=False, dropna=False)[column]
+    solved = tidy[tidy["value"].notna()]
+    size, changes = 0.0, 0 < solved[axis].nunique() < tidy[axis].nunique()
+    for _, each in solved.groupby("model", sort=False):
+        values = each["value"] if not others else each.groupby(others, sort=False, dropna=False)["value"]
         most, least = np.atleast_1d(values.max()), np.atleast_1d(values.min())
         apart, magnitude = most - least, np.maximum(abs(most), abs(least))
         changes |= bool((apart > SAME * magnitude).any())
-        whole = float(solved[column].max() - solved[column].min())
-        size += float(np.nanmean(apart)) / whole if whole > 0 and np.isfinite(apart).any() else 0.0
+        whole = float(each["value"].max() - each["value"].min())
+        size += float(np.nanmean(apart)) / whole if whole > 0 else 0.0
     return size, changes
 
 
-def view(table: pd.DataFrame, axes: Sequence[str], columns: Sequence[str]) -> View:
-    """Choose what each axis does for some columns of results; axes without effect do nothing."""
-    effects = {axis: _spread(table, axes, axis, columns) for axis in axes}
-    count = {axis: table[axis].nunique() for axis in axes}
+def view(tidy: pd.DataFrame, axes: Sequence[str]) -> View:
+    """Choose what each axis does for some answers; axes without effect do nothing."""
+    effects = {axis: _spread(tidy, axes, axis) for axis in axes}
+    count = {axis: tidy[axis].nunique() for axis in axes}
     names = (
         [axis for axis in axes if effects[axis][1]] or [axis for axis in axes if count[axis] > 1] or list(axes[:1])
     )
-    numbers = [axis for axis in names if table[axis].dtype.kind in "fiu"] or names
+    numbers = [axis for axis in names if tidy[axis].dtype.kind in "fiu"] or names
     long = [axis for axis in numbers if count[axis] > MOST_COLOURS]
     # the load's axes make curves that a reader knows; among equals the axis with the most values
     x = min(long or numbers, key=lambda axis: (axis.partition("_")[0] not in ("depth", "shear"), -count[axis]))
     second, *rest = [*sorted((axis for axis in names if axis != x), key=lambda axis: -count[axis]), ""]
+    maps = bool(second) and count[second] > MOST_COLOURS and tidy[x].dtype.kind in "fiu"
     panels, folded = [axis for axis in rest if axis], list[str]()
-    while math.prod(count[axis] for axis in panels) > MOST_PANELS:
+    # each model has maps of its own
+    while (
+        panels and math.prod(count[axis] for axis in panels) * (tidy["model"].nunique() if maps else 1) > MOST_PANELS
+    ):
         folded.append(min(panels, key=lambda axis: effects[axis][0]))
         panels.remove(folded[-1])
-    maps = bool(second) and count[second] > MOST_COLOURS and table[x].dtype.kind in "fiu"
     return View(x, second, tuple(panels), tuple(folded), maps)
 
 
-def _over_grid(table: pd.DataFrame, axes: Sequence[str], quantity: str) -> Iterator[Figure]:
-    columns = models_of(table, quantity)
-    solved = table[~table["failed"]]
-    columns = [name for name in columns if solved[name].notna().any()] or columns
-    label = QUANTITIES[quantity]["label"]
-    look, words = view(table, axes, columns), in_words(label)
-    used = {look.x, look.second, *look.panels, *look.folded}
-    idle = [in_words(a) for a in axes if table[a].nunique() > 1 and a not in used]
-    notes = [f"{_list(idle)} {'changes' if len(idle) == 1 else 'change'} nothing in the {words}."]
-    models = {column: model_name(column, quantity) for column in columns}
-    unit = label.partition("(")[2].rstrip(")")
-    stable = solved[~solved["open"]]
-    ends = [
-        f"{name} from {stable[column].min():.3g} to {stable[column].max():.3g} {unit}".strip()
-        for column, name in models.items()
-        if stable[column].notna().any()
-    ]
-    which = "all stable cases" if solved["open"].any() else "all cases"
-    caption = (
-        f"Over {which}: {'; '.join(ends)}." if ends else "No case is stable." if len(solved) else "Every case failed."
-    )
-    title = f"{_capital(words)} over {in_words(look.x)}"
-    shown = {columns[0]: models[columns[0]]} if look.maps else models
-    styles = tuple(models.values())
-    yield from _drawn((title, caption), table, look, label, shown, notes if idle and len(solved) else [], styles)
-    error, name = QUANTITIES[quantity]["error"], QUANTITIES[quantity]["error_of"]
-    errors = [column for column in (models_of(table, error) if error else []) if solved[column].notna().any()]
-    if not errors:
+def _over_grid(table: pd.DataFrame, axes: Sequence[str], study: SweepColumns, quantity: str) -> Iterator[Figure]:
+    tidy = answers(table, axes, study, quantity)
+    some = tidy["value"].notna().any()
+    if not len(tidy) or not (some or tidy["failed"].all()):
         return
-    own = view(table, axes, errors)
-    # an error's column without a prefix is that of the only formula
-    others = [name for name in models.values() if name != "finite elements"]
-    names = {column: others[-1] if column == error and others else model_name(column, error) for column in errors}
-    for part in [{column: text} for column, text in names.items()] if own.maps else [names]:
-        caption = " ".join(_share(solved, column, text) for column, text in part.items())
-        by = f", {next(iter(part.values()))}" if len(part) == 1 else ""
-        yield from _drawn((f"Error of the {name}{by}", caption), table, own, "error (%)", part, [], styles)
+    label = QUANTITIES[quantity]["label"]
+    words, unit, styles = in_words(label), label.partition("(")[2].rstrip(")"), tuple(dict.fromkeys(tidy["model"]))
+    known = tidy.groupby("model", sort=False)["value"].count()
+    silent = list(known.index[known == 0]) if some else []
+    notes = _unanswered(tidy) if some else []
+    tidy = tidy[~tidy["model"].isin(silent)]
+    look = view(tidy, axes)
+    used = {look.x, look.second, *look.panels, *look.folded}
+    if some and (idle := [in_words(axis) for axis in axes if table[axis].nunique() > 1 and axis not in used]):
+        notes.append(f"{_list(idle)} {'changes' if len(idle) == 1 else 'change'} nothing in the {words}.")
+    ends = [
+        f"{name} from {values.min():.3g} to {values.max():.3g} {unit}".strip()
+        for name, values in tidy[~tidy["open"]].dropna(subset="value").groupby("model", sort=False)["value"]
+    ]
+    which = "all stable cases" if tidy["open"].any() else "all cases"
+    caption = f"Over {which}: {'; '.join(ends)}." if ends else "No case is stable." if some else "Every case failed."
+    subject = Subject(f"{_capital(words)} over {in_words(look.x)}{_alone(tidy)}", label)
+    yield _drawn(subject, caption, tidy, look, table, notes, styles)
+    judged = errors(table, axes, study, quantity)
+    judged = judged[judged.groupby("model")["value"].transform("count") > 0]
+    if len(judged):
+        caption = " ".join(_share(part, name) for name, part in judged.groupby("model", sort=False))
+        name = QUANTITIES[quantity]["error_of"]
+        subject = Subject(f"Error of the {name}{_alone(judged)}", "error (%)", is_error=True)
+        yield _drawn(subject, caption, judged, view(judged, axes), table, [], styles)
+
+
+def _alone(tidy: pd.DataFrame) -> str:
+    """Return what the title adds where there is no legend of models: the name of the only one."""
+    return f", {tidy['model'].iloc[0]}" if tidy["model"].nunique() == 1 else ""
+
+
+def _unanswered(tidy: pd.DataFrame) -> list[str]:
+    """State in how many cases a model has no answer that another one has."""
+    lost = tidy.groupby("model", sort=False)["failed"].sum()
+    if lost.min() == lost.max():
+        return []
+    of = len(tidy) // len(lost)
+    named = [f"{name} in {count if count < of else 'all'}" for name, count in lost.items() if count > lost.min()]
+    marked = " (crosses)" if ((lost > lost.min()) & (lost < of)).any() else ""
+    return [f"Without an answer{marked}: {'; '.join(named)} of {of} cases."]
 
 
 def _drawn(
-    words: tuple[str, str],
-    table: pd.DataFrame,
+    subject: Subject,
+    caption: str,
+    tidy: pd.DataFrame,
     look: View,
-    label: str,
-    names: dict[str, str],
-    notes: Sequence[str],
+    table: pd.DataFrame,
+    notes: list[str],
     styles: tuple[str, ...],
-) -> Iterator[Figure]:
-    """Yield lines or maps of some columns, whose axes without effect and folded axes take their extremes."""
-    import pandas as pd
-
-    error = label.startswith("error")
-    keys = [axis for axis in (look.x, look.second, *look.panels) if axis]
-    long = []
-    if error:
-        table = table.assign(failed=table["failed"] | table["gave_way"])
-    for column, name in names.items():
-        known = ~table["failed"] & table[column].notna()
-        # a formula knows no stability: in a figure of errors the reference's counts
-        doubted = table["open"] & known & (error or not column.startswith("analytic"))
-        groups = table.assign(value=table[column].where(known), open=doubted).groupby(keys, sort=False)
-        low, high = groups["value"].min(), groups["value"].max()
-        part = pd.DataFrame({label: high.where(high.abs() >= low.abs(), low), "low": low, "high": high})
-        part["failed"], part["open"] = groups["failed"].any(), groups["open"].any()
-        if look.x in ("depth_mm", "depth_over_D") and "critical_depth_mm" in table:
-            part["limit"] = groups["critical_depth_mm"].min()
-            if look.x == "depth_over_D":
-                part["limit"] /= groups["D_mm"].min()
-        long.append(part.reset_index().assign(model=name))
-    # texts keep the order of the study
-    rising = [axis for axis in keys if table[axis].dtype.kind in "fiu"]
-    data = pd.concat(long, ignore_index=True)
-    data = data.sort_values(rising, kind="stable", ignore_index=True) if rising else data
+) -> Figure:
+    """Return lines or maps of some answers, whose axes without effect and folded axes take their extremes."""
+    label, diameter = subject.label, _diameter(table)
+    data = _merged(tidy, look, label)
     if look.folded:
         how = "the value of greatest magnitude" if look.maps else "lines at the greatest magnitude, shades over all"
         values = _list([in_words(axis) for axis in look.folded])
         notes = [*notes, f"{_capital(in_words(label))} over all values of {values}: {how}."]
-    notes = [*notes, *_marked(table, data, error=error, maps=look.maps)]
-    diameter = _diameter(table)
+    notes = [*notes, *_marked(tidy, maps=look.maps)]
     flags = {name: data[name] for name in ("failed", "open") if data[name].any()}
-    shown = pd.DataFrame({quantity_name(look.x): data[look.x], label: data[label], **flags})
-    if look.panels:
-        shown["panel"] = [
-            ", ".join(value_of(a, value, diameter) for a, value in zip(look.panels, row, strict=True))
-            for row in zip(*(data[a] for a in look.panels), strict=True)
-        ]
+    shown = data[[]].assign(**{quantity_name(look.x): data[look.x], label: data[label], **flags})
+    several = data["model"].nunique() > 1
+    panels = [data[axis].map(lambda value, axis=axis: value_of(axis, value, diameter)) for axis in look.panels]
+    if look.maps and several:
+        panels.insert(0, data["model"])
+    if panels:
+        shown["panel"] = [", ".join(texts) for texts in zip(*panels, strict=True)]
     if look.maps:
         shown = shown.rename(columns={"open": "doubted"})
         shown[quantity_name(look.second)] = data[look.second]
         across = (quantity_name(look.x), quantity_name(look.second))
-        figure = figures.heat(*words, shown, across, label, edges=ERROR_EDGES if error else ())
-        yield replace(figure, notes=(*figure.notes, *notes))
-        return
+        edges = ERROR_EDGES if subject.is_error else ()
+        figure = heat(subject.title, caption, shown, across, label, edges=edges)
+        return replace(figure, notes=(*figure.notes, *notes))
     if look.folded:
         shown = shown.assign(low=data["low"], high=data["high"])
-    if "limit" in data and not look.folded:
+    elif "limit" in data and look.x in ("depth_mm", "depth_over_D"):
         # a line far beyond the depths would squeeze them
         inside = data["limit"].between(data[look.x].min(), data[look.x].max())
         shown["limit"] = data["limit"].where(inside)
-        notes = [
-            *notes,
-            *(["Dotted lines across: depth at which the press buckles sideways."] if inside.any() else []),
-        ]
+        notes += ["Dotted lines across: depth at which the press buckles sideways."] if inside.any() else []
     if look.second:
         shown["series"] = [value_of(look.second, value, diameter) for value in data[look.second]]
     if not look.second or len(styles) > 1:
         shown["model" if look.second else "series"] = data["model"]
-    numeric = table[look.x].dtype.kind in "fiu"
-    log = "x" if numeric and log_spaced(np.unique(table[look.x])) else ""
-    span, guides = None, tuple[Guide, ...]()
-    if error:
-        guides = SHADES
-        notes = [*notes, "Shades: errors within 5 and 10 %."]
+    numeric = data[look.x].dtype.kind in "fiu"
+    log, span, guides = "x" if numeric and log_spaced(np.unique(data[look.x])) else "", None, tuple[Guide, ...]()
+    if subject.is_error:
         span, said = _limits(data[label])
-        notes = [*notes, *said]
+        guides, notes = bands(5, 10), [*notes, *said]
     elif log and data[label].min() > 0 and data[label].max() > figures.WIDE * data[label].min():
         log += "y"
-    drawn = Look(line=numeric, log=log, guides=guides, span=span, names=styles)
-    figure = figures.plot(*words, shown, quantity_name(look.x), label, drawn)
-    yield replace(figure, notes=(*figure.notes, *notes))
+    drawn = Look(line=numeric, log=log, guides=guides, span=span, names=styles if len(styles) > 1 else ())
+    figure = figures.plot(subject.title, caption, shown, quantity_name(look.x), label, drawn)
+    return replace(figure, notes=(*figure.notes, *notes))
+
+
+def _merged(tidy: pd.DataFrame, look: View, label: str) -> pd.DataFrame:
+    """Return a row for each mark: its axes, model, value of greatest magnitude with its range, and flags."""
+    import pandas as pd
+
+    keys = [axis for axis in (look.x, look.second, *look.panels) if axis]
+    groups = tidy.groupby(["model", *keys], sort=False, dropna=False)
+    low, high = groups["value"].min(), groups["value"].max()
+    data = pd.DataFrame({label: high.where(high.abs() >= low.abs(), low), "low": low, "high": high})
+    data["failed"], data["open"] = groups["failed"].any(), groups["open"].any()
+    if "limit" in tidy:
+        data["limit"] = groups["limit"].min()
+    data = data.reset_index()
+    # texts keep the order of the study
+    rising = [axis for axis in keys if tidy[axis].dtype.kind in "fiu"]
+    return data.sort_values(rising, kind="stable", ignore_index=True) if rising else data
 
 
 def _limits(errors: pd.Series) -> tuple[tuple[float, float] | None, list[str]]:
@@ -386,35 +406,35 @@ def _limits(errors: pd.Series) -> tuple[tuple[float, float] | None, list[str]]:
     return (float(inside.min() - room), float(inside.max() + room)), [f"{what} at the edge: {ends}."]
 
 
-def _marked(table: pd.DataFrame, data: pd.DataFrame, *, error: bool, maps: bool) -> list[str]:
-    """Return what the marks of a figure mean; `table` has the cases, `data` the marks."""
+def _marked(tidy: pd.DataFrame, *, maps: bool) -> list[str]:
+    """Return what the marks of a figure mean, with the numbers of cases, which each model has once."""
     said = []
-    if data["open"].any():
-        count = int(table["open"].sum())
+    cases = tidy.groupby("model", sort=False)
+    if count := int(cases["open"].sum().max()):
         what = "1 case is" if count == 1 else f"{count} cases are"
         mark = "dots" if maps else "open markers"
         said.append(
             f"{_capital(mark)}: {what} unstable, or not known to be stable; a real sensor may leave such a state."
         )
-    if error and table["gave_way"].any():
-        count = int(table["gave_way"].sum())
-        said.append(f"Crosses: in {count} of {len(table)} cases the beam gave way or failed, and no error is stated.")
+    if "gave_way" in tidy and (count := int(cases["gave_way"].sum().max())):
+        of = int(cases.size().max())
+        said.append(f"Crosses: in {count} of {of} cases the beam gave way or failed, and no error is stated.")
     return said
 
 
-def _share(solved: pd.DataFrame, column: str, model: str) -> str:
+def _share(judged: pd.DataFrame, model: str) -> str:
     """Return which shares of the stable cases have small errors; what is not known to be stable does not count."""
-    judged, doubted = (solved.loc[rows, column].dropna() for rows in (~solved["open"], solved["open"]))
-    if not len(judged):
+    stable, doubted = (judged.loc[rows, "value"].dropna() for rows in (~judged["open"], judged["open"]))
+    if not len(stable):
         return f"No stable case has an error of {model}."
     of, left = "cases", ""
     if len(doubted):
-        of = f"{len(judged)} stable cases"
+        of = f"{len(stable)} stable cases"
         left = f" {len(doubted)} cases that are not known to be stable do not count."
     return (
-        f"Error of {model} against finite elements: {100 * (judged.abs() <= 10).mean():.0f} % of the {of} are "
-        f"within 10 %, {100 * (judged.abs() <= 5).mean():.0f} % within 5 %; the errors lie between "
-        f"{judged.min():+z.0f} and {judged.max():+z.0f} %.{left}"
+        f"Error of {model} against finite elements: {100 * (stable.abs() <= 10).mean():.0f} % of the {of} are "
+        f"within 10 %, {100 * (stable.abs() <= 5).mean():.0f} % within 5 %; the errors lie between "
+        f"{stable.min():+z.0f} and {stable.max():+z.0f} %.{left}"
     )
 
 
@@ -429,51 +449,49 @@ def effect(x: Array, y: Array) -> float:
     return float(between / (len(y) * y.var()))
 
 
-def _scattered(table: pd.DataFrame, axes: Sequence[str], quantity: str) -> Iterator[Figure]:
+def _scattered(table: pd.DataFrame, axes: Sequence[str], study: SweepColumns, quantity: str) -> Iterator[Figure]:
+    """Yield the sampled answers and errors over each axis, and the errors over the two most effective ones."""
     import pandas as pd
 
-    error, name = QUANTITIES[quantity]["error"], QUANTITIES[quantity]["error_of"]
-    errors = models_of(table, error) if error else []
-    solved = table[~table["failed"]]
     numeric = [axis for axis in axes if table[axis].dtype.kind in "fiu"]
-    label = QUANTITIES[quantity]["label"]
-
-    def by_effect(column: str) -> list[str]:
-        return sorted(numeric, key=lambda axis: -effect(*(solved[k].to_numpy(float) for k in (axis, column))))
-
-    for columns, end, unit in (
-        (models_of(table, quantity), quantity, label),
-        (errors, error, f"error of the {name} (%)"),
-    ):
-        if not columns or not solved[columns].notna().any(axis=None) or not numeric:
+    label, name = QUANTITIES[quantity]["label"], QUANTITIES[quantity]["error_of"]
+    judged = errors(table, axes, study, quantity)
+    for tidy, unit in ((answers(table, axes, study, quantity), label), (judged, f"error of the {name} (%)")):
+        if not numeric or not tidy["value"].notna().any():
             continue
+        # the models' values and errors hang on the axes alike: those of the widest spread tell most
+        widest = tidy.groupby("model")["value"].std().fillna(0.0).idxmax()
+        order = _by_effect(tidy[tidy["model"] == widest], numeric)
+        flags = [flag for flag in ("failed", "open") if tidy[flag].any()]
         parts = [
-            table[["failed"]].assign(
-                open=table["open"] & (unit != label or not column.startswith("analytic")),
-                **{"value of the axis": table[axis], unit: table[column].where(~table["failed"])},
+            tidy[flags].assign(
+                **{"value of the axis": tidy[axis], unit: tidy["value"]},
                 panel=quantity_name(axis),
-                series=model_name(column, end),
+                series=tidy["model"],
             )
-            for axis in by_effect(max(columns, key=lambda column: float(solved[column].std())))
-            for column in columns
+            for axis in order
         ]
-        data = pd.concat(parts, ignore_index=True)
-        look = Look(line=False, shared=False, guides=SHADES if unit != label else ())
-        caption = f"Each of the {len(solved)} points is one case; every panel shows the same cases over another axis."
-        title = f"{_capital(in_words(unit))} of the sampled cases"
-        notes = _marked(table, data, error=unit != label, maps=False)
-        notes += ["Shades: errors within 5 and 10 %."] if unit != label else []
-        if unit != label:
-            caption += " " + " ".join(_share(solved, column, model_name(column, end)) for column in columns)
-        data = data.drop(columns=[name for name in ("failed", "open") if not data[name].any()])
+        is_error = unit != label
+        count = tidy["value"].notna().groupby(tidy["model"]).sum().max()
+        caption = f"Each of the {count} points is one case; every panel shows the same cases over another axis."
+        notes = _marked(tidy, maps=False)
+        if is_error:
+            caption += " " + " ".join(_share(part, model) for model, part in tidy.groupby("model", sort=False))
+        look = Look(line=False, shared=False, guides=bands(5, 10) if is_error else ())
+        title, data = f"{_capital(in_words(unit))} of the sampled cases", pd.concat(parts, ignore_index=True)
         figure = figures.plot(title, caption, data, "value of the axis", unit, look)
         yield replace(figure, notes=(*figure.notes, *notes))
-    pair = by_effect(errors[0])[:2] if errors else []
-    for column in errors if len(pair) == 2 else []:
-        cells = pd.DataFrame({quantity_name(a): solved[a] for a in pair} | {"error (%)": solved[column]})
-        title = f"Error of the {name}, {model_name(column, error)}, over the two most effective axes"
+    for model, part in judged.groupby("model", sort=False) if len(numeric) > 1 else ():
+        solved = part[part["value"].notna()]
+        pair = _by_effect(solved, numeric)[:2]
+        cells = pd.DataFrame({quantity_name(axis): solved[axis] for axis in pair} | {"error (%)": solved["value"]})
+        title = f"Error of the {name}, {model}, over the two most effective axes"
         names = (quantity_name(pair[0]), quantity_name(pair[1]))
-        yield figures.spots(title, "", cells, names, "error (%)", ERROR_EDGES)
+        yield spots(title, "", cells, names, "error (%)", ERROR_EDGES)
+
+
+def _by_effect(tidy: pd.DataFrame, axes: Sequence[str]) -> list[str]:
+    return sorted(axes, key=lambda axis: -effect(tidy[axis].to_numpy(float), tidy["value"].to_numpy(float)))
 
 
 def _capital(text: str) -> str:
@@ -529,11 +547,13 @@ class Collected:
 
         columns = {name: np.concatenate([part[name] for part in self._parts]) for name in self._parts[0]}
         idle = {study_input.column(name) for k in self._fixed for name in self.plan.factors[k].names}
-        table = pd.DataFrame({name: values for name, values in columns.items() if name not in idle})
+        table = pd.DataFrame(columns)
+        study = SweepColumns.of_plan(self.plan)
+        study = replace(study, axes=tuple(name for name in study.axes if name not in idle))
         names = (path if k == 1 else path.with_stem(f"{path.stem}-{k}") for k in itertools.count(1))
         files = []
-        for quantity in self._quantities(table):
-            drawn = sweep(table, [quantity])
+        for quantity in self._quantities(study, table):
+            drawn = sweep(table, study, [quantity])
             if drawn:
                 files.append(next(names))
                 figures.save(files[-1], drawn, notes=self._notes())
@@ -541,9 +561,9 @@ class Collected:
             old.unlink()
         return files
 
-    def _quantities(self, table: pd.DataFrame) -> list[str]:
+    def _quantities(self, study: SweepColumns, table: pd.DataFrame) -> list[str]:
         sheared = self.plan.loads_sideways and ("shear" in self.plan.fields or bool(self.plan.load.get("shear")))
-        present = [name for name in QUANTITIES if models_of(table, name)]
+        present = drawn_quantities(study, table)
         present.sort(key=lambda name: (sheared and name != "force_x_N", not name.startswith("force")))
         more = any(name in self.plan.quantities for name in KINDS)
         return present if more else present[:1]

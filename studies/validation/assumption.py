@@ -38,7 +38,8 @@ from studies.inputs.option_groups import Sweep, Whole
 from studies.mechanics.solve_plan import Processes
 from studies.mechanics.study_cases import Cases, Plan, varied
 from studies.output import atomic_files
-from studies.output.figures import COLOURS, Figure, Look, heat, plot, save, table_of
+from studies.output.figures import COLOURS, Figure, Look, plot, save, table_of
+from studies.output.maps import heat
 from studies.output.result import Result, Table
 from studies.sweeps import sweep
 from studies.sweeps.study_rows import flat_rows

@@ -10,7 +10,8 @@ from scipy.interpolate import PchipInterpolator
 from analytic import beam, hall
 from geometry.arrays import Array
 from geometry.design import paper
-from studies.output.figures import Figure, Look, bands, heat, plot, save
+from studies.output.figures import Figure, Look, bands, plot, save
+from studies.output.maps import heat
 from studies.validation.claim_errors import (
     CLAIMED,
     VALUES,

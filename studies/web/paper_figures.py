@@ -9,7 +9,8 @@ import numpy as np
 
 from analytic import beam
 from geometry.design import BadInput
-from studies.output.figures import ERROR_EDGES, Figure, Guide, Look, heat, long, numbers, plot, texts
+from studies.output.figures import Figure, Guide, Look, long, numbers, plot, texts
+from studies.output.maps import ERROR_EDGES, heat
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -21,6 +21,7 @@ from studies.sensitivity import uncertainty_figures
 from studies.simulation import comparison_figures, critical_depths, mesh_convergence, time_figures
 from studies.sizing import sizing_figures
 from studies.sweeps import sweep_figures
+from studies.sweeps.sweep_columns import SweepColumns
 from studies.web import folder_contents, paper_figures, state_pictures, verdict_figures
 from studies.web.folder_contents import Contents
 
@@ -118,7 +119,7 @@ def section(contents: Contents, *, solve: bool) -> Section:
     assumption = "ASSUMPTION.md" in contents.pages
     for name, table in contents.tables.items():
         try:
-            figures, pictures, remark = _figures_of(name, table, assumption=assumption)
+            figures, pictures, remark = _figures_of(name, table, contents.run, assumption=assumption)
         except BadInput as error:
             figures, pictures, remark = [], (), f"{name} has no figure: {error}."
         drawn = [replace(figure, source=name) for figure in figures if len(figure.data)]
@@ -135,7 +136,9 @@ def section(contents: Contents, *, solve: bool) -> Section:
     return result
 
 
-def _figures_of(name: str, table: pd.DataFrame, *, assumption: bool) -> tuple[list[Figure], tuple[str, ...], str]:
+def _figures_of(
+    name: str, table: pd.DataFrame, run: provenance.Run | None, *, assumption: bool
+) -> tuple[list[Figure], tuple[str, ...], str]:
     """Return the figures of a table, the pictures that they replace, and a sentence if one could expect some."""
     if not len(table):
         return [], (), f"{name} has no rows."
@@ -144,9 +147,11 @@ def _figures_of(name: str, table: pd.DataFrame, *, assumption: bool) -> tuple[li
             return (known.figures(table) if known.figures else []), known.pictures, ""
     if assumption and set(ASSUMPTION) <= set(table):
         return paper_figures.assumption(table), ASSUMPTION_PICTURES, ""
-    columns = map(str, table.columns)
-    if any(column.startswith(("fem_", "response_", "loop_")) for column in columns) and "status" in table:
-        figures = sweep_figures.sweep(table) if folder_contents.answered(table).any() else []
+    study = SweepColumns.of_table(table.columns)
+    if run is not None and run.sweep and name.startswith("sweep."):
+        study = SweepColumns.of_record(run.sweep, table.columns)
+    if study.axes and "status" in table and sweep_figures.drawn_quantities(study, table):
+        figures = sweep_figures.sweep(table, study) if folder_contents.answered(table).any() else []
         return figures, ("sweep.png",), "" if figures else f"{name} has no figure: every case failed."
     expected = next((known for known in KNOWN if known.file == name), None)
     if expected is not None:
