@@ -6,16 +6,18 @@ Units and the sensor's frame are in README.md of this package. The magnet's nort
 
 import dataclasses
 import math
+import tomllib
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from operator import attrgetter
+from pathlib import Path
 from typing import Any, Self
 
 from geometry.bad_input import BadInput as BadInput
 from geometry.bad_input import in_range, known_fields, nearest, no_effect, quantity, words
 from geometry.hall_chips import CHIPS, CIRCLES, OWN, HallChip, least_radius
 
-__all__ = ["PRESETS", "BadInput", "Design", "Shape", "paper"]
+__all__ = ["PRESETS", "BadInput", "Design", "Shape", "paper", "preset", "preset_table"]
 
 LEAST_WALL = 0.1
 """Least thickness of silicone between the magnet and any outer face, mm: a design below it is refused."""
@@ -468,4 +470,30 @@ def paper(**fields: Any) -> Design:
     return Design(**fields)
 
 
-PRESETS = {"paper": paper}
+_FILES = sorted(
+    Path(__file__).with_name("presets").glob("*.toml"), key=lambda file: (file.stem != "paper", file.stem)
+)
+PRESETS = {file.stem: file for file in _FILES}
+"""The design files that are shipped, by their names: the paper's sensor, and best variants of `magtip size`.
+
+Their tables beside the fields say how the sensor is made, and what was required of it.
+"""
+
+
+def preset_table(name: str) -> dict[str, Any]:
+    """Return the table of a shipped design file: fields, and the tables beside them."""
+    if name not in PRESETS:
+        raise BadInput(f"there is no preset {name!r}: {nearest(name, PRESETS)}")
+    return tomllib.loads(PRESETS[name].read_text("utf-8"))
+
+
+def preset(name: str, **fields: Any) -> Design:
+    """Return the design of a preset.
+
+    fields : those that differ from it.
+
+    >>> preset("paper").D, preset("paper", D=9.0).D
+    (8.0, 9.0)
+    """
+    stated = {key: value for key, value in preset_table(name).items() if key in _DEFAULTS}
+    return Design(**{**stated, **fields})

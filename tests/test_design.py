@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from analytic.parts import of_design
 from geometry import design_digest
-from geometry.design import HALL_LAYOUTS, LEAST_WALL, BadInput, Design, Shape, paper
+from geometry.design import HALL_LAYOUTS, LEAST_WALL, PRESETS, BadInput, Design, Shape, paper, preset, preset_table
 from geometry.loads import Load, Response, tilts_of
 
 FIELDS = [spec for spec in dataclasses.fields(Design) if "low" in spec.metadata]
@@ -24,6 +24,15 @@ BARE = {"magnet_diameter": 0.0, "magnet_height": 0.0}
 
 def changed(**values):
     return dataclasses.replace(paper(), **values)
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_a_preset_is_a_design_that_verbs_take_by_name(name, run, strict):
+    """Its fields, whatever of them is set, and its tables beside them as those of a design file."""
+    (said,) = strict(run("design", name, "--json")[1])
+    assert {field: said[field] for field in dataclasses.asdict(paper())} == dataclasses.asdict(preset(name))
+    assert preset(name, remanence=1.0) == dataclasses.replace(preset(name), remanence=1.0)
+    assert ("fabrication" in preset_table(name)) == ("requirements" in preset_table(name)) == (name != "paper")
 
 
 @pytest.mark.parametrize("spec", FIELDS, ids=NAMES)

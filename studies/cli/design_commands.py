@@ -249,7 +249,7 @@ def size(
     example
         Print a file of requirements with all keys, to edit, and do nothing else.
     """
-    from studies.output.provenance import versions
+    from studies.output.provenance import made, versions
     from studies.parts.requirements import EXAMPLE, read_requirements
     from studies.sizing import sizing_export, sizing_study
 
@@ -272,7 +272,8 @@ def size(
         sizing = sizing_study.run(requirements, settings, progress)
         # parts of earlier requirements must not stand beside a new result
         sizing_export.remove(folder)
-        result = sizing_study.result_of(sizing, versions(()), here.command, wide=call.wide)
+        origin = versions(())
+        result = sizing_study.result_of(sizing, origin, here.command, wide=call.wide)
         progress(0.97, "SIZING.md, tables and front.png")
         write(result, folder, here.command)
         if sizing.winner is not None:
@@ -281,12 +282,12 @@ def size(
                     "the best variant is not the design that was calibrated: its yield takes twelve planned presses"
                 )
                 result = replace(result, warnings=[*result.warnings, said])
-            sizing_export.write_design(sizing.winner.variant, requirements, folder)
+            sizing_export.write_design(sizing.winner.variant, requirements, folder, made(here.command, origin))
             if options.export:
-                made = sizing_export.export(sizing.winner.variant, requirements, folder, progress)
-                lost = [made["message"]] if made["status"] != "ok" else []
+                parts = sizing_export.export(sizing.winner.variant, requirements, folder, progress)
+                lost = [parts["message"]] if parts["status"] != "ok" else []
                 result = replace(
-                    result, warnings=[*result.warnings, *made["warnings"]], failures=[*result.failures, *lost]
+                    result, warnings=[*result.warnings, *parts["warnings"]], failures=[*result.failures, *lost]
                 )
         progress(1.0, "complete")
     return show(result, here)

@@ -13,14 +13,16 @@ from typing import Annotated, Any
 
 from cyclopts import App, Parameter
 
-from geometry.design import Design
+from geometry.design import PRESETS, Design
 from geometry.loads import Magnet
 from studies.inputs import user_input
 from studies.inputs.option_groups import Whole
 from studies.output import console
 from studies.output.result import Destination
 
-Source = Annotated[str, Parameter(name="DESIGN", help="Name of a preset (paper) or path of a TOML file.")]
+Source = Annotated[
+    str, Parameter(name="DESIGN", help=f"Name of a preset ({', '.join(PRESETS)}) or path of a TOML file.")
+]
 Sets = Annotated[
     list[str] | None, Parameter(name="--set", help="Override a field of the design, KEY=VALUE; repeatable.")
 ]

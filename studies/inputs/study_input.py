@@ -342,8 +342,6 @@ def grid(axes: Mapping[str, Sequence[Value]]) -> tuple[Factor, ...]:
 
 def is_study(source: str) -> bool:
     """Return whether a sweep's positional argument names a study, which is a file with axes, or else a design."""
-    if source in PRESETS:
-        return False
     keys = set(user_input.toml_table(source, "preset or file"))
     if "axis" in keys:
         raise BadInput(f"{source}: there is no key 'axis': did you mean axes?")

@@ -13,7 +13,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Literal
 
 from geometry.bad_input import nearest, no_effect
-from geometry.design import PRESETS, BadInput, Design, paper
+from geometry.design import PRESETS, BadInput, Design, paper, preset, preset_table
 from geometry.loads import Magnet
 from studies.output import console
 from studies.output.bounded_files import MOST_TOML, text_of, toml_in
@@ -112,7 +112,7 @@ def fabrication_of(source: str) -> dict[str, Any]:
 
 def table_beside(source: str, name: str, kinds: Mapping[str, Any]) -> dict[str, Any]:
     """Return a table of a design file beside its fields, with keys of these kinds; nothing if it has none."""
-    table = {} if source in PRESETS else toml_table(source, "preset or file").get(name, {})
+    table = toml_table(source, "preset or file").get(name, {})
     if not isinstance(table, dict):
         raise BadInput(f"{source}: {name} must be a table: write [{name}]")
     check_keys(f"{source}: {name}", table, kinds)
@@ -126,7 +126,7 @@ def preset_or_file(source: str) -> tuple[str, dict[str, Value]]:
 
 def design_from(base: str, values: Mapping[str, Value], magnet: Magnet) -> Design:
     """Return the design of a preset with other values; see `read_design` for magnet "ignored"."""
-    fields: dict[str, Any] = {**dataclasses.asdict(PRESETS[base]()), **values}
+    fields: dict[str, Any] = {**dataclasses.asdict(preset(base)), **values}
     try:
         return Design(**fields)
     except BadInput:
@@ -201,11 +201,13 @@ def validated(name: str, table: Mapping[str, Any], kinds: Mapping[str, Any]) -> 
 
 
 def toml_table(path: str, what: str) -> dict[str, Any]:
-    """Read the table in a TOML file; `what` names it in messages."""
+    """Read the table in a TOML file, or of a preset where `what`, which names it in messages, allows one."""
     import difflib
 
     close, more = list[str](), ""
     if what != "file":
+        if path in PRESETS:
+            return preset_table(path)
         close, more = difflib.get_close_matches(path.casefold(), PRESETS, n=1), f"; presets: {', '.join(PRESETS)}"
     text = text_of(path, "TOML", what, f"did you mean {close[0]}?" if close else "", more, MOST_TOML)
     try:

@@ -33,6 +33,10 @@ SPRING_GAP, PRESS_GAP = 8 / math.pi**2 * 0.915965594177219, 1.15
 and 1.14 in the second cycle of the paper's sensor by finite elements, 1 and 2.4 mm deep."""
 
 
+ASSUMED_LOSS = Design().loss_factor
+"""Loss factor of a design that states none; of a silicone of unknown loss factor it says nothing."""
+
+
 @dataclass(frozen=True, slots=True)
 class MagnetEntry:
     """A cylindrical magnet that is sold, magnetised along its axis: a size in one grade, see `catalogue_keys.csv`."""
@@ -210,6 +214,10 @@ class SiliconeEntry:
     def fields(self) -> dict[str, float | str]:
         """Return the fields of a `Design` of this silicone, with its typical E and nu."""
         return {"silicone": self.name, "E": self.E, "nu": self.nu, "density": self.density}
+
+    def loss_field(self) -> dict[str, float]:
+        """Return the field of a `Design` of this silicone with its typical loss factor, else the assumed one."""
+        return {"loss_factor": ASSUMED_LOSS if self.loss_factor is None else self.loss_factor}
 
     @property
     def loss_words(self) -> str:

@@ -38,10 +38,6 @@ FARTHEST, LEVEL = 0.8, (-0.5, 0.8)
 """How much farther than necessary the elements lie at most, over D; and the height of S2 and S3 over the magnet's."""
 
 
-ASSUMED_LOSS = Design().loss_factor
-"""Loss factor of a design that states none; of a silicone of unknown loss factor it says nothing."""
-
-
 @dataclass(frozen=True, slots=True)
 class Variant:
     """A design with typical values of its parts."""
@@ -61,8 +57,7 @@ class Variant:
         d, part = self.design, self.silicone
         if d.prony:
             return [None] * 3
-        usual = ASSUMED_LOSS if part.loss_factor is None else part.loss_factor
-        if d.silicone == part.name and d.loss_factor == usual:
+        if d.silicone == part.name and d.loss_factor == part.loss_field()["loss_factor"]:
             return [part.loss_factor_high, part.loss_low, part.loss_high]
         return [d.loss_factor, d.loss_low, d.loss_high]
 
@@ -287,7 +282,7 @@ class Candidates:
         l0, f, c = (float(each[k]) for each in self.places())
         fields: dict[str, Any] = {**magnet.fields(), **silicone.fields(), **part_fields(part, needed)}
         fields |= {"D": float(self.D[k]), "L": float(self.L[k]), "l0": l0}
-        fields |= {} if silicone.loss_factor is None else {"loss_factor": silicone.loss_factor}
+        fields |= silicone.loss_field()
         fields |= {"f": f, "c": c} if part.layout == "three" else {"chip_x": f}
         try:
             design = Design(**fields)

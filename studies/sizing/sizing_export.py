@@ -61,9 +61,13 @@ def export(variant: Variant, requirements: Requirements, folder: Path, progress:
     return row
 
 
-def write_design(variant: Variant, requirements: Requirements, folder: Path) -> None:
-    """Write the design file: all fields that are no defaults, how the sensor is made, and what was required."""
+def write_design(variant: Variant, requirements: Requirements, folder: Path, origin: str = "") -> None:
+    """Write the design file: all fields that are no defaults, how the sensor is made, and what was required.
+
+    origin : the sentence of `provenance.made`, its first line.
+    """
     head = [
+        *([f"# {origin}"] if origin else []),
         f"# magnet: {variant.magnet.name}",
         f"# silicone: {variant.silicone.name}, E = {variant.silicone.E_low:g} to {variant.silicone.E_high:g} MPa",
         f"# {variant.silicone.loss_words}",

@@ -22,7 +22,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, cast, get_args
 
-from geometry.design import LAWS, OF_ONE_LAYOUT, BadInput, Design
+from geometry.design import LAWS, OF_ONE_LAYOUT, PRESETS, BadInput, Design, preset
 from geometry.loads import Load, Magnet
 from studies.inputs import user_input
 from studies.inputs.option_groups import Motion
@@ -296,14 +296,14 @@ def _needs(name: str) -> Field:
 
 
 def part_fields(needed: Requirements | None) -> dict[str, dict[str, Field]]:
-    """Return the parts in use, else all that are shipped, by control and name, as the fields that each sets."""
+    """Return presets, and parts in use (else all shipped), by control and name, as the fields that each sets."""
     from studies.parts.catalogues import catalogues_of
     from studies.parts.requirements import Requirements
 
     needed = needed or Requirements(force_z=1.0)
     found = catalogues_of(needed)
     parts: dict[str, dict[str, Field]] = {
-        "silicone_part": {part.name: part.fields() for part in found.silicones},
+        "silicone_part": {part.name: part.fields() | part.loss_field() for part in found.silicones},
         "magnet_part": {part.name: part.fields() for part in found.magnets},
         "grade": {part.grade: {"remanence": part.remanence} for part in sorted(found.magnets, key=lambda m: m.grade)},
         "hall_part": {
@@ -311,7 +311,8 @@ def part_fields(needed: Requirements | None) -> dict[str, dict[str, Field]]:
             for part in found.hall_parts
         },
     }
-    return {
+    presets = {"preset": {name: dataclasses.asdict(preset(name)) for name in PRESETS}}
+    return presets | {
         name: {
             one: {k: v if isinstance(v, str) else round(v, 9) for k, v in sets.items()} for one, sets in of.items()
         }

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from geometry.design import PRESETS, BadInput, Design
+from geometry.design import BadInput, Design
 from geometry.loads import Load
 from geometry.messages import Progress
 from studies.inputs import user_input
@@ -67,7 +67,7 @@ def sensor_of(
 
     For a file of requirements it is a variant that meets them by the surrogate, or the nearest of a short search.
     """
-    table = {} if source in PRESETS else user_input.toml_table(source, "preset or file")
+    table = user_input.toml_table(source, "preset or file")
     if "force_z" in table:
         needed = read_requirements(source)
         fields = dataclasses.asdict(_variant_for(needed, progress)) | user_input.overrides(sets)

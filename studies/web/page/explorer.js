@@ -105,7 +105,9 @@ const Explorer = (() => {
       const choice = Object.keys(VIEWS).find((one) => inAddress(one) === key);
       if (side === "b") read.b ??= defaults();
       if (name === "preset") {
-        if (text !== "paper") unknown.push(`${key}=${text}`);
+        const chosen = field?.sets?.[text];
+        if (chosen) Object.assign(read[side], chosen);
+        else if (text !== "paper") unknown.push(`${key}=${text}`);
       } else if (VIEWS[choice]?.includes(text)) seen[choice] = text;
       else if (!field || field.fixed) unknown.push(key);
       else if (field.choices && field.choices.includes(text) && text !== "coefficient") read[side][name] = text;
