@@ -23,12 +23,14 @@ from analytic import decode as decoding
 from analytic import parts
 from analytic.decode import Decoder, Status, decoder
 from analytic.inverse.forward_model import rotation
-from analytic.inverse.response_surface import Mechanics, force_and_load, workspace
+from analytic.inverse.response_surface import Mechanics, force_and_load, shifts_of_forces, workspace
 from geometry.arrays import Array
 from studies.calibration.sensor_fit import QUANTILE, Fit, Sensor, condensed, linearised, settle_shifts, slopes_of
 
 UNKNOWN = 20.0
 """Standard deviation of a temperature that is not known, K: 90 % of sensors in use are within 33 K of T_0."""
+ANGLES = (0.0, 45.0, 90.0, 135.0, 180.0, 225.0, 270.0, 315.0)
+"""Directions of forces along the plate that are tried, deg: those that a person can set."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -81,14 +83,14 @@ def coder_of(found: Fit, *, warm: bool = True) -> Decoder:
     gains = np.array([element.gain for element in elements])
     return decoder(
         dataclasses.replace(found.design, **sizes),
-        _mechanics_of(found),
+        mechanics_of(found),
         elements=elements,
         deviation=np.hypot(unknown, math.sqrt(found.growth) * sensor.noise) / np.abs(gains),
         mount=(made.magnet_offset[0], made.magnet_tilt[0]),
     )
 
 
-def _mechanics_of(found: Fit) -> Mechanics:
+def mechanics_of(found: Fit) -> Mechanics:
     """Return the mechanics of an estimated sensor: its factors multiply the nominal polynomials."""
     law, names = found.sensor.mechanics, ("modulus", "stiffening", "sideways", "lean")
     modulus, stiffening, sideways, lean = (float(found.sensor.value(found.theta, name)) for name in names)
@@ -277,12 +279,30 @@ def force_variances(found: Fit, covariances: Sequence[Array], shift: Array) -> l
     return [float(np.nanmean(np.square(each / QUANTILE))) for each in wide]
 
 
-def next_press(found: Fit, candidates: Array) -> tuple[Array, float, float]:
-    """Return the shift (3,) among candidates (n, 3) whose row, with readings and force, would help most.
+def poses_under(found: Fit, loads: Array, angles: Sequence[float] = ANGLES) -> tuple[Array, Array, Array]:
+    """Return shifts (n, 3), mm, forces (n, 3), N, and angles (n,), deg, of an estimated sensor under forces.
+
+    Shifts are NaN for forces that no equilibrium of the mechanics' samples has; an angle is NaN without a force along
+    the plate.
+
+    loads : normal force and force along the plate (k, 2), N; the latter in each of the directions `angles`, deg.
+    """
+    rows = [(z, x, a) for z, x in loads.tolist() for a in (angles if x else (math.nan,))]
+    normal, aside, angle = np.array(rows).T
+    law = mechanics_of(found)
+    u, w = shifts_of_forces(law, *workspace(found.sensor.design, law), aside, normal)
+    way = np.radians(np.nan_to_num(angle))
+    # no rounding where one of them is 0
+    c, s = np.cos(way).round(15), np.sin(way).round(15)
+    return np.stack([u * c, u * s, w], axis=1), np.stack([aside * c, aside * s, normal], axis=1), angle
+
+
+def next_press(found: Fit, candidates: Array, over: Array) -> tuple[int, float, float]:
+    """Return which of the shifts (n, 3) is that of the press whose readings and force would help most.
 
     Returns
     -------
-    shift, and the root of the mean variance of forces over the candidates, N, now and after it.
+    its number, and the root of the mean variance of forces over the shifts `over` (m, 3), N, now and after it.
     """
     sensor, theta, un = found.sensor, found.theta, found.sensor.unknowns
     warmer = np.zeros(len(candidates))
@@ -297,6 +317,6 @@ def next_press(found: Fit, candidates: Array) -> tuple[Array, float, float]:
         added = condensed(r[rows], Js[rows], Jt[rows], un, theta)[0] - prior
         covariances.append(np.zeros_like(found.covariance))
         covariances[-1][np.ix_(un.free, un.free)] = np.linalg.inv(now + added / found.growth)
-    before, *after = np.nan_to_num(force_variances(found, covariances, candidates), nan=math.inf).tolist()
+    before, *after = np.nan_to_num(force_variances(found, covariances, over), nan=math.inf).tolist()
     best = int(np.argmin(after))
-    return candidates[best], math.sqrt(before), math.sqrt(after[best])
+    return best, math.sqrt(before), math.sqrt(after[best])

@@ -434,8 +434,8 @@ def advice(found: Fit) -> str:
     grid = [[0.0, 0.0, w] for w in (deep / 4, deep / 2, deep)]
     grid += [[side * x, side * y, w] for w in (deep / 2, deep) for x, y in ((1, 0), (-1, 0), (0, 1), (0, -1))]
     candidates = np.array(grid)
-    best, now, after = calibrated_forces.next_press(found, candidates)
-    at = found.sensor.predict(found.theta, best[None], np.zeros(1))[0, len(found.sensor.noise) :]
+    best, now, after = calibrated_forces.next_press(found, candidates, candidates)
+    at = found.sensor.predict(found.theta, candidates[[best]], np.zeros(1))[0, len(found.sensor.noise) :]
     x, y, z = at[:3]
     return (
         f"the next press that helps most: {z:.3g} N with ({x:.2g}, {y:.2g}) N along (x, y); it lowers the standard "

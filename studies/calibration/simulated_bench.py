@@ -1,91 +1,311 @@
-"""Simulate a test stand: presses and shears of a sensor whose parts deviate within their tolerances, and a recording.
+"""A simulated test stand for rehearsal: a made sensor of any design, its planned presses, and a recording.
 
-`python -m studies.calibration.simulated_bench FOLDER` writes bench.csv, twelve presses as a stand measures them, and
-recording.csv, a slow press and shear over time with the true forces beside the readings. The silicone, magnet and
-elements of this sensor are drawn at random (`studies.sensitivity.made_sensors`); the forces are those of finite
-elements.
+The sensor is drawn at random within its tolerances (`studies.sensitivity.made_sensors`). Finite elements of its own
+silicone and magnet give forces, shift and tilt; its elements, displaced and with their own gains and nulls, read the
+field of its displaced magnet, with noise, and through their converters.
+
+The stand presses and shears to the planned forces, as far as it knows them: to the load at which a sensor of the made
+one's E has them by the mechanics of the plan, or, where these end before, to the planned depth and shear. The forces
+there differ by what nu, magnet and the mechanics' error change, some percent. Its depth counts from a zero of its
+own, and contains that it gives way.
+
+Limits: the silicone is elastic, the plate neither slips nor tilts, and nothing but the magnet makes a field.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import math
-import sys
-from pathlib import Path
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fem.accuracy import QUICK
+from analytic import parts
+from analytic.hall import averaged, field_at, means_over_plates, plates_of, rotated
+from analytic.inverse.response_surface import force_and_load, shifts_of_forces, workspace
+from fem.accuracy import QUICK, Accuracy, level
 from fem.equilibrium import trace
 from geometry.arrays import Array
-from geometry.design import paper
-from geometry.loads import Load
-from studies.parts.part_tolerances import tolerances
-from studies.sensitivity.made_sensors import MadeSensors, made_readings, made_sensors
+from geometry.bad_input import SolveFailed
+from geometry.design import BadInput, Design
+from geometry.loads import ANSWERED, Load
+from geometry.messages import Progress
+from studies.calibration import press_plan
+from studies.calibration.bench_file import FORCES, MOTIONS
+from studies.calibration.press_plan import Plan
+from studies.inputs.option_groups import Planning
+from studies.output.result import Result, Rows, Table
+from studies.parts.part_tolerances import Tolerances
+from studies.sensitivity.made_sensors import MadeSensors, made_sensors
 
 if TYPE_CHECKING:
     import pandas as pd
 
-FORCE_NOISE, READING_NOISE = 0.02, 2.5e-4
-"""Standard deviations of a measured force, N, and of a reading, V."""
+    from studies.output.records import FlatRow
+    from studies.parts.requirements import Requirements
+
 STAND_ZERO, STAND_COMPLIANCE = 0.1, 0.004
 """Depth that the stand shows at first touch, mm, and how much it gives way, mm/N."""
-READINGS, FORCES, TRUE = ["S1_V", "S2_V", "S3_V"], ["Fx_N", "Fy_N", "Fz_N"], ["true x", "true y", "true z"]
+TRUE, MOVED = [f"true_{name}" for name in FORCES], [f"true_{name}" for name in MOTIONS]
+"""Columns of the true forces and of the plate's true motion."""
+FILES, SIMULATED = ("plan.csv",), ("bench.csv", "recording.csv")
+"""Files of the study, and those that a simulated bench adds."""
+AT_REST, STATES, STEP = 20, 60, 5.0
+"""Rows of a recording at rest and under load, and seconds between them: slow, so that each row has relaxed."""
+RECORDED, DIRECTION = 0.8, 40.0
+"""Share of the largest planned forces to which a recording goes, and its direction, deg: between those of a plan."""
+FieldCode = Callable[[Array, Design, Array, Array], Array]
+"""B (n, 3), T, at points (n, 3), mm, of the sensor's frame, of a design's magnet with the shifts (n, 3), mm, and
+rotation vectors (n, 2), rad: what `analytic.hall.field_at` returns."""
 
 
-def states(made: MadeSensors, loads: list[Load], angle: float) -> tuple[Array, Array]:
-    """Return readings (n, 3), V, and forces (n, 3), N, of a made sensor; its shear points along an angle, rad."""
-    c, s = math.cos(angle), math.sin(angle)
-    read, force = [], []
-    design = made.designs[0]
-    assert design is not None
-    for state in trace(design, loads, QUICK, estimate=False):
-        (x, _, z), (u, _, w), lean = state.response.force, state.response.shift, state.response.tilt
-        shift, turn = np.array([[[c * u, s * u, w]]]), np.array([[[-s * lean, c * lean]]])
-        read.append(made_readings(made, shift, turn).output[0, 0])
-        force.append([c * x, s * x, z])
-    return np.array(read), np.array(force)
+@dataclass(frozen=True, slots=True)
+class Stand:
+    """A test stand and its errors.
+
+    Attributes
+    ----------
+    force_noise : standard deviation of a measured force, N.
+    reading_noise : of a reading, in the elements' unit; None for that of the design or the data sheet.
+    zero, compliance : depth that is shown at first touch, mm, and by how much the stand gives way, mm/N.
+    accuracy : of the finite elements that give the true forces.
+    field : code that gives the field of the magnet.
+    """
+
+    force_noise: float
+    reading_noise: float | None = None
+    zero: float = STAND_ZERO
+    compliance: float = STAND_COMPLIANCE
+    accuracy: Accuracy = QUICK
+    field: FieldCode = field_at
 
 
-def bench(seed: int, count: int) -> pd.DataFrame:
-    """Return what a stand measures under `count` presses and shears, and the true forces."""
+@dataclass(frozen=True, slots=True, eq=False)
+class States:
+    """What one made sensor does under n loads: forces and shifts (n, 3), N and mm, rotation vectors (n, 2), rad."""
+
+    force: Array
+    shift: Array
+    turn: Array
+
+
+def run(
+    design: Design,
+    made: Tolerances,
+    needed: Requirements | None,
+    options: Planning,
+    progress: Progress,
+) -> Result:
+    """Plan the presses of a bench, and simulate them if the options say so.
+
+    Parameters
+    ----------
+    made : tolerances of the sensor.
+    needed : its requirements; None for usual loads.
+
+    Raises
+    ------
+    BadInput
+        The design cannot be planned (`press_plan.plan`), or an option is out of its range.
+    SolveFailed
+        The finite elements do not reach a load of the drawn sensor.
+    """
+    stand = _stand_of(options)
+    progress(0.0, "plan")
+    plan = press_plan.plan(
+        design, made, needed, count=options.presses, responses=options.responses, force_noise=options.force_noise
+    )
+    tables: dict[str, Rows] = {"plan": plan.rows()}
+    record = plan.record()
+    if options.simulate:
+        stand = dataclasses.replace(stand, force_noise=plan.sensor.force_noise)
+        one = made_sensors(design, made, 1, options.seed)
+        found = bench(plan, one, stand, options.seed, lambda share, text: progress(0.1 + 0.4 * share, text))
+        slow = recording(plan, one, stand, options.seed, lambda share, text: progress(0.5 + 0.5 * share, "recording"))
+        tables |= {
+            "bench": found.drop(columns=[*TRUE, *MOVED]).to_dict("records"),
+            "recording": slow.to_dict("records"),
+        }
+        record["made"] = made_record(one)
+    return Result(
+        title="Press plan",
+        records=[record],
+        shown=[Table(title="Press plan", rows=plan.shown()), *plan.sentences()],
+        tables=tables,
+        warnings=plan.warnings(),
+        design=dataclasses.asdict(design),
+    )
+
+
+def _stand_of(options: Planning) -> Stand:
+    """Return the stand of options; its force noise is that of the plan."""
+    for name, value, least in (
+        ("force-noise", options.force_noise, 0.0),
+        ("reading-noise", options.reading_noise, 0.0),
+        ("stand-compliance", options.stand_compliance, 0.0),
+        ("stand-zero", options.stand_zero, -math.inf),
+    ):
+        if value is not None and not (least <= value < math.inf):
+            raise BadInput(f"--{name} must be a finite number{', 0 or more' if least == 0 else ''}; got {value:g}")
+    if options.force_noise == 0:
+        raise BadInput("--force-noise must be above 0 N, since it weighs the forces of the plan; got 0")
+    return Stand(1.0, options.reading_noise, options.stand_zero, options.stand_compliance, level(options.accuracy))
+
+
+def made_record(made: MadeSensors) -> FlatRow:
+    """Return the drawn values of one made sensor."""
+    design = _design_of(made)
+    return {
+        "E_MPa": design.E,
+        "nu": design.nu,
+        "remanence_T": design.remanence,
+        "magnet_diameter_mm": design.magnet_diameter,
+        "magnet_height_mm": design.magnet_height,
+        "magnet_offset_mm": made.magnet_offset[0].tolist(),
+        "magnet_tilt_rad": made.magnet_tilt[0].tolist(),
+        "element_offset_mm": made.element_offset[0].tolist(),
+        "gain_factor": made.gain_factor[0].tolist(),
+        f"null_shift_{parts.of_design(design)[0].unit}": made.null_shift[0].tolist(),
+    }
+
+
+def bench(plan: Plan, made: MadeSensors, stand: Stand, seed: int, progress: Progress) -> pd.DataFrame:
+    """Return what a stand measures under the presses of a plan, and the true forces.
+
+    Parameters
+    ----------
+    made : one sensor.
+
+    Raises
+    ------
+    SolveFailed
+        The finite elements do not reach a load.
+    """
     import pandas as pd
 
-    rng, made = np.random.default_rng(seed), made_sensors(paper(), tolerances(), 1, seed)
-    rows = []
-    for k in range(count):
-        depth = 0.4 + 1.7 * (3 * (k // 3) + 1.5) / count
-        load = Load(depth=depth, shear_x=(0.1, 0.5, 0.9)[k % 3] * depth, friction="stick")
-        read, force = states(made, [load], 2.4 * k)
-        noise = np.array([READING_NOISE] * 3 + [FORCE_NOISE] * 3) * rng.normal(size=6)
-        shown = depth + STAND_COMPLIANCE * force[0, 2] + STAND_ZERO
-        rows.append([*np.append(read[0], force[0]) + noise, shown, *force[0]])
-    return pd.DataFrame(rows, columns=[*READINGS, *FORCES, "depth_mm", *TRUE])
+    design, rng = _design_of(made), np.random.default_rng([seed, 0])
+    load = loads_of(plan, design, plan.force, plan.load)
+    states = pressed(design, load, stand.accuracy, progress)
+    shown = load[:, :1] + stand.zero + stand.compliance * states.force[:, 2:]
+    measured = states.force + stand.force_noise * rng.normal(size=states.force.shape)
+    rows = np.hstack([readings(made, states, stand, rng), measured, shown, states.force, load])
+    return pd.DataFrame(rows, columns=[*columns(design), *FORCES, "depth_mm", *TRUE, *MOVED])
 
 
-def recording(seed: int, count: int = 60) -> pd.DataFrame:
-    """Return readings over time, from rest to a press of 1.5 mm and a shear of 0.6 mm, and the true forces."""
+def recording(plan: Plan, made: MadeSensors, stand: Stand, seed: int, progress: Progress) -> pd.DataFrame:
+    """Return readings over time, from rest to a press and a shear, and the true forces; see `bench`."""
     import pandas as pd
 
-    rng, made = np.random.default_rng(seed + 1), made_sensors(paper(), tolerances(), 1, seed)
-    share = np.linspace(0, 1, count // 2 + 1)[1:]
-    loads = [Load(depth=1.5 * d, friction="stick") for d in share]
-    loads += [Load(depth=1.5, shear_x=0.6 * s, friction="stick") for s in share]
-    read, force = states(made, loads, 0.7)
-    rest = made_readings(made, np.zeros((1, 1, 3)), np.zeros((1, 1, 2))).output[0]
-    read, force = np.vstack([np.repeat(rest, 20, axis=0), read]), np.vstack([np.zeros((20, 3)), force])
-    read += READING_NOISE * rng.normal(size=read.shape)
-    # minutes, so that the silicone has relaxed in every row
-    times = 5.0 * np.arange(len(read))[:, None]
-    return pd.DataFrame(np.hstack([times, read, force]), columns=["time_s", *READINGS, *TRUE])
+    design, rng = _design_of(made), np.random.default_rng([seed, 1])
+    normal, aside = plan.needed.force_z, plan.needed.force_x or 0.0
+    way = np.radians(DIRECTION)
+    force = RECORDED * np.array([[aside * np.cos(way), aside * np.sin(way), normal]])
+    largest = np.argmax(plan.force[:, 2] + np.hypot(*plan.force[:, :2].T))
+    ((depth, x, y),) = loads_of(plan, design, force, RECORDED * plan.load[[largest]]).tolist()
+    shares = np.linspace(0, 1, STATES // 2 + 1)[1:].tolist()
+    # a path has one kind of friction
+    loads = [Load(depth * share, friction="stick" if aside else "none") for share in shares]
+    if aside:
+        loads += [Load(depth, x * share, y * share, friction="stick") for share in shares]
+    found = solved(design, loads, stand.accuracy, progress)
+    found = States(*(np.vstack([np.zeros((AT_REST, v.shape[1])), v]) for v in (found.force, found.shift, found.turn)))
+    times = STEP * np.arange(len(found.force))[:, None]
+    rows = np.hstack([times, readings(made, found, stand, rng), found.force])
+    return pd.DataFrame(rows, columns=["time_s", *columns(design), *TRUE])
 
 
-def main(folder: Path, seed: int = 5) -> None:
-    folder.mkdir(parents=True, exist_ok=True)
-    for name, table in (("bench.csv", bench(seed, 12).drop(columns=TRUE)), ("recording.csv", recording(seed))):
-        table.round(6).to_csv(folder / name, index=False)
-        print(f"{folder / name}: {len(table)} rows")
+def columns(design: Design) -> list[str]:
+    """Return the names of the columns of a design's readings, with their unit."""
+    elements = parts.of_design(design)
+    return [f"{name}_{elements[0].unit}" for name in parts.columns(elements)]
 
 
-if __name__ == "__main__":
-    main(Path(sys.argv[1] if len(sys.argv) > 1 else "out/bench"))
+def _design_of(made: MadeSensors) -> Design:
+    (design,), (refusal,) = made.designs, made.refusals
+    if design is None:
+        raise BadInput(f"the drawn sensor cannot be made ({refusal}): choose another --seed, or less --tolerance")
+    return design
+
+
+def loads_of(plan: Plan, design: Design, force: Array, load: Array) -> Array:
+    """Return depth and shears (n, 3), mm, at which a made design has about these forces (n, 3), N.
+
+    load : (n, 3) the same, where the mechanics of the plan end before.
+    """
+    law, nominal = plan.sensor.mechanics, plan.sensor.design
+    wanted = force * nominal.E / design.E
+    aside = np.hypot(wanted[:, 0], wanted[:, 1])
+    u, w = shifts_of_forces(law, *workspace(nominal, law), aside, wanted[:, 2])
+    way = wanted[:, :2] / np.where(aside > 0, aside, 1.0)[:, None]
+    shift = np.ascontiguousarray(np.column_stack([u[:, None] * way, w]).T)
+    reached = force_and_load(law, shift, contact=False)[1].T
+    return np.where(np.isfinite(reached), reached, load)
+
+
+def pressed(design: Design, load: Array, accuracy: Accuracy, progress: Progress) -> States:
+    """Return what a design does under depths and shears (n, 3), mm, each from rest on, by finite elements.
+
+    Shears of one size are the same in all directions, so that one along x is solved for all of them.
+    """
+    sizes = np.column_stack([load[:, 0], np.hypot(load[:, 1], load[:, 2])])
+    unique, which = np.unique(sizes.round(9), axis=0, return_inverse=True)
+    solves = []
+    for k, (depth, shear) in enumerate(unique.tolist()):
+        progress(k / len(unique), f"state {k + 1} of {len(unique)}")
+        solves.append(solved(design, [Load(depth, shear, friction="stick") if shear else Load(depth)], accuracy))
+    c, s = load[:, 1:].T / np.where(sizes[:, 1] > 0, sizes[:, 1], 1.0)
+    c = np.where(sizes[:, 1] > 0, c, 1.0)
+
+    def turned(name: str) -> Array:
+        x, y, *z = np.vstack([getattr(state, name) for state in solves])[which.ravel()].T
+        return np.column_stack([c * x - s * y, s * x + c * y, *z])
+
+    return States(*map(turned, ("force", "shift", "turn")))
+
+
+def solved(design: Design, loads: list[Load], accuracy: Accuracy, progress: Progress | None = None) -> States:
+    """Return what a design does under loads that follow one another, by finite elements."""
+    found = trace(design, loads, accuracy, estimate=False, progress=progress)
+    if len(found) < len(loads) or found[-1].status not in ANSWERED:
+        raise SolveFailed(f"the drawn sensor was not solved ({found[-1].status}): {found[-1].message}")
+    answers = [state.response for state in found]
+    force, shift, turn = (
+        np.array([getattr(each, name) for each in answers]) for name in ("force", "shift", "rotation")
+    )
+    return States(force, shift, turn)
+
+
+def readings(made: MadeSensors, states: States, stand: Stand, rng: np.random.Generator) -> Array:
+    """Return what the elements (k,) of one made sensor read in states (n,), in their unit, with noise and steps."""
+    design = _design_of(made)
+    elements = elements_of(made)
+    points, owners = plates_of(elements)
+    # the magnet's offset turns with the silicone around it, its tilt adds to that of the load
+    shift = states.shift + rotated(made.magnet_offset[0], states.turn)
+    turn, count = states.turn + made.magnet_tilt[0], len(points)
+    at = np.tile(points, (len(shift), 1))
+    b = stand.field(at, design, np.repeat(shift, count, axis=0), np.repeat(turn, count, axis=0))
+    gain, null = (np.array([getattr(element, name) for element in elements]) for name in ("gain", "null"))
+    raw = null + gain * means_over_plates(b, elements, owners)
+    if stand.reading_noise is not None:
+        elements = tuple(dataclasses.replace(e, noise=stand.reading_noise, floor=0.0, average=1) for e in elements)
+    return np.array([averaged(elements, row, rng)[0] for row in raw])
+
+
+def elements_of(made: MadeSensors) -> tuple[parts.Element, ...]:
+    """Return the elements of one made sensor, displaced, with their own gains and nulls."""
+    nominal, _ = parts.with_noise(parts.of_design(made.nominal))
+    rows = zip(
+        nominal, made.element_offset[0], made.gain_factor[0].tolist(), made.null_shift[0].tolist(), strict=True
+    )
+    return tuple(
+        dataclasses.replace(
+            element,
+            position=tuple((element.position + place).tolist()),
+            gain=element.gain * gain,
+            null=element.null + null,
+        )
+        for element, place, gain, null in rows
+    )

@@ -57,7 +57,7 @@ VERBS = {
         "simulation_commands": "solve converge analytic compare stability modes response cycle fit",
         "exploration_commands": "demo",
     },
-    "Sensing": {"sensing_commands": "field readings calibrate decode stream firmware table layout"},
+    "Sensing": {"sensing_commands": "field readings bench calibrate decode stream firmware table layout"},
     "Exploration": {"exploration_commands": "explore sweep sensitivity report"},
     "Validation": {},
 }

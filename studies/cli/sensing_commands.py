@@ -102,6 +102,33 @@ def readings(
 
 
 @verb("source sets wide as_json")
+def bench(call: Call, *, out: Path | None = None, options: option_groups.Planning = option_groups.Planning()) -> int:
+    """Plan the presses of a test stand that tell most about a made sensor, before the first one; simulate them.
+
+    Presses lie within the loads of the design's [requirements]; without any they go to D/8, with as much shear.
+
+    Parameters
+    ----------
+    out
+        Folder for plan.csv: what to set, and empty columns for what is measured. Filled in, it is a bench of
+        `magtip calibrate`. With --simulate also bench.csv and recording.csv.
+    """
+    from studies.calibration import simulated_bench
+    from studies.parts.part_tolerances import parse_tolerances
+    from studies.parts.requirements import stated_requirements
+
+    if options.simulate and out is None:
+        raise BadInput("--simulate writes bench.csv and recording.csv: add --out FOLDER")
+    for name in ("seed", "reading_noise", "stand_zero", "stand_compliance", "accuracy"):
+        if not options.simulate and getattr(options, name) != getattr(option_groups.Planning(), name):
+            say_no_effect(f"--{name.replace('_', '-')}", "it works with --simulate only")
+    here = call.here((*simulated_bench.FILES, *simulated_bench.SIMULATED * options.simulate), [options.responses])
+    design = call.design()
+    made = parse_tolerances(options.tolerances or [], design, call.source)
+    return publish(partial(simulated_bench.run, design, made, stated_requirements(call.source), options), here)
+
+
+@verb("source sets wide as_json")
 def calibrate(
     call: Call,
     bench: Annotated[list[Path], Parameter(name="BENCH")],

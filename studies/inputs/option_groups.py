@@ -293,6 +293,32 @@ class Calibrating:
 
 
 @_options
+class Planning:
+    """How many presses are planned, for which stand, and how it is simulated."""
+
+    presses: Whole = 12
+    """Number of presses of the plan."""
+    responses: Path | None = None
+    """File of states printed by `magtip solve --json`, for the mechanics; default: the surrogate."""
+    tolerances: Annotated[list[str] | None, Parameter(name="--tolerance")] = None
+    """NAME=VALUE: largest deviation of a built sensor, as in `sensitivity`; repeatable."""
+    force_noise: float | None = None
+    """Standard deviation of a measured force, N; default: half a percent of the largest one."""
+    simulate: bool = False
+    """Draw a made sensor within its tolerances, press it by finite elements, and write bench.csv, what the stand
+    measures, and recording.csv, a slow press and shear over time with the true forces."""
+    seed: Whole = 5
+    """Of the drawn sensor and of all noise."""
+    reading_noise: float | None = None
+    """Standard deviation of a reading, V, of a chip T; default: that of the design or of the data sheet."""
+    stand_zero: float = 0.1
+    """Depth that the stand shows at first touch, mm."""
+    stand_compliance: float = 0.004
+    """How much the stand gives way, mm/N."""
+    accuracy: Annotated[AccuracyName, ACCURACY] = "quick"
+
+
+@_options
 class Streaming:
     """Where readings come from, how a frame of them is laid out, and by what they are decoded."""
 

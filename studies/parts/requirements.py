@@ -20,7 +20,7 @@ from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.fabrication.printability import PROCESSES
 from geometry.hall_chips import CIRCLES
-from studies.inputs.user_input import check_keys, quantity, toml_table, validated
+from studies.inputs.user_input import check_keys, fabrication_of, quantity, table_beside, toml_table, validated
 
 EXAMPLE = Path(__file__).with_name("requirements_example.toml").read_text("utf-8")
 """A file of requirements with all keys."""
@@ -229,24 +229,44 @@ def read_requirements(path: str) -> Requirements:
     """Read the requirements in a TOML file; catalogues are relative to the file's folder."""
     table = toml_table(path, "file")
     check_keys(path, table, KINDS)
-    values = validated(path, table, KINDS)
+    return _of_values(path, path, validated(path, table, KINDS))
+
+
+def stated_requirements(source: str) -> Requirements | None:
+    """Return the requirements in the table [requirements] of a design file, such as winner.toml of `magtip size`.
+
+    How its sensor is made (table [fabrication]) counts as required. None for a preset or a file without this table.
+    """
+    stated = table_beside(source, "requirements", KINDS | dict.fromkeys(ENDS, _NUMBER))
+    if not stated:
+        return None
+    made = fabrication_of(source)
+    fields = {"process": made.get("process"), "outer_shape": made.get("base", {}).get("shape")}
+    known = {name: value for name, value in fields.items() if value is not None}
+    return _of_values(f"{source}: requirements", source, known | stated)
+
+
+def _of_values(where: str, path: str, values: dict[str, Any]) -> Requirements:
+    """Return the requirements of checked values; `where` names their table in messages."""
     version = values.pop("version", VERSION)
     if version != VERSION:
         raise BadInput(
-            f"{path}: the requirements have version {version}, and this version of magtip reads version {VERSION}"
+            f"{where}: the requirements have version {version}, and this version of magtip reads version {VERSION}"
         )
     if "force_z" not in values:
-        raise BadInput(f'{path}: requirements need force_z, the normal force of the press, such as force_z = "5 N"')
+        raise BadInput(f'{where}: requirements need force_z, the normal force of the press, such as force_z = "5 N"')
     try:
         return Requirements(**_fields(path, values))
     except BadInput as error:
-        raise BadInput(error.args[0] if str(error).startswith(path) else f"{path}: {error}") from None
+        raise BadInput(error.args[0] if str(error).startswith(path) else f"{where}: {error}") from None
 
 
+ENDS = ("D_low", "D_high")
+"""Keys of a design file's table in place of `D`."""
 _NUMBER: Any = float | str
 KINDS: dict[str, Any] = {
     "version": int,
-    **{name: _NUMBER for name in LIMITS if name not in ("D_low", "D_high")},
+    **{name: _NUMBER for name in LIMITS if name not in ENDS},
     "D": float | str | list[Any],
     **dict.fromkeys(("no_saturation", "unique_decoding"), bool),
     **dict.fromkeys(("samples", "chips"), int),

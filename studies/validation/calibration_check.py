@@ -24,7 +24,7 @@ from geometry.messages import Progress
 from studies.calibration import calibrated_forces, calibration_study, force_regression, sensor_fit
 from studies.calibration.bench_file import Bench
 from studies.calibration.sensor_fit import Sensor
-from studies.calibration.simulated_bench import FORCE_NOISE, READING_NOISE, STAND_COMPLIANCE, STAND_ZERO
+from studies.calibration.simulated_bench import STAND_COMPLIANCE, STAND_ZERO
 from studies.output.goals import Goal
 from studies.output.result import Result, Table
 from studies.parts.part_tolerances import tolerances
@@ -40,6 +40,8 @@ ROWS, MANY, UNSEEN = 30, 3000, 200
 """Rows of a calibration, of the large regression, and rows that are decoded."""
 DEPTHS, SHEARS = np.linspace(0.15, 2.3, 9), np.linspace(0.0, 1.0, 4)
 """Depths, mm, and shears over depth and over 1, of the solved states; shears end at the edge of the stick range."""
+FORCE_NOISE, READING_NOISE = 0.02, 2.5e-4
+"""Standard deviations of a measured force, N, and of a reading, V."""
 HYSTERESIS = 0.01
 """Half of the relative width of the loop of the force."""
 ENOUGH = 100

@@ -4,6 +4,7 @@
 whole program with -Os, functions of math.h and some 0.7 kB of the program around the decoder included.
 """
 
+import dataclasses
 import math
 import shutil
 import subprocess
@@ -28,6 +29,7 @@ from studies.calibration import (
     calibrated_forces,
     calibration_file,
     calibration_study,
+    press_plan,
     sensor_fit,
     simulated_bench,
 )
@@ -36,6 +38,7 @@ from studies.firmware.decoder_export import STATUSES, Firmware
 from studies.output.goals import Goal
 from studies.output.result import Result
 from studies.parts.part_tolerances import tolerances
+from studies.sensitivity.made_sensors import made_sensors
 from studies.validation import pages
 from studies.validation.pages import Row
 
@@ -192,16 +195,18 @@ def hostile_faults(program: Path, coder: Decoder, count: int) -> tuple[int, floa
 
 
 def calibration(folder: Path) -> Path:
-    design = Design()
-    simulated_bench.bench(5, PLAN["presses"]).iloc[:, :7].to_csv(folder / "bench.csv", index=False)
+    """Write the calibration of a made sensor, as a simulated bench finds it."""
+    design, made = Design(), tolerances()
+    plan = press_plan.plan(design, made, None, count=PLAN["presses"])
+    stand, one = simulated_bench.Stand(plan.sensor.force_noise), made_sensors(design, made, 1, PLAN["seed"])
+    rows = simulated_bench.bench(plan, one, stand, PLAN["seed"], lambda share, text: None)
+    rows.to_csv(folder / "bench.csv", index=False)
     bench = bench_file.read([folder / "bench.csv"], design)
-    law, source, error = calibration_study.mechanics_of(design, None)
-    un = sensor_fit.unknowns_of(design, bench, tolerances(), model_error=error)
-    noise, force_noise = np.full(3, simulated_bench.READING_NOISE), simulated_bench.FORCE_NOISE
-    sensor = sensor_fit.Sensor(design, law, un, noise, force_noise)
+    un = sensor_fit.unknowns_of(design, bench, made, model_error=calibration_study.mechanics_of(design, None)[2])
+    sensor = dataclasses.replace(plan.sensor, unknowns=un)
     found = sensor_fit.fit(sensor, sensor_fit.measured_of(bench), np.zeros(PLAN["presses"]))
     path = folder / "calibration.json"
-    path.write_text(calibration_file.as_text(found, source, None), "utf-8")
+    path.write_text(calibration_file.as_text(found, plan.mechanics_source, None), "utf-8")
     return path
 
 

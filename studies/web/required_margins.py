@@ -20,7 +20,7 @@ from geometry.messages import Progress
 from studies.inputs import user_input
 from studies.mechanics import surrogate_range, surrogate_response
 from studies.parts.catalogues import catalogues_of
-from studies.parts.requirements import Requirements, read_requirements
+from studies.parts.requirements import Requirements, read_requirements, stated_requirements
 from studies.sizing import candidate_performance, sensor_arrays, variant_search
 from studies.sizing.candidate_performance import Performance
 from studies.sizing.candidate_variables import Variant
@@ -72,14 +72,7 @@ def sensor_of(
         needed = read_requirements(source)
         fields = dataclasses.asdict(_variant_for(needed, progress)) | user_input.overrides(sets)
         return user_input.design_from("paper", fields, "rigid"), needed
-    design, stated = user_input.read_design(source, sets), table.get("requirements", {})
-    if not stated:
-        return design, None
-    user_input.check_keys(f"{source}: requirements", stated, [spec.name for spec in dataclasses.fields(Requirements)])
-    made, base = user_input.fabrication_of(source), {}
-    if isinstance(made.get("base"), dict):
-        base = {"outer_shape": made["base"].get("shape", "round")}
-    return design, Requirements(**{**base, **{k: v for k, v in made.items() if k == "process"}, **stated})
+    return user_input.read_design(source, sets), stated_requirements(source)
 
 
 def _variant_for(needed: Requirements, progress: Progress | None) -> Design:
