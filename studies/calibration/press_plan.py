@@ -26,8 +26,8 @@ from geometry.design import BadInput, Design
 from studies.calibration import calibrated_forces, calibration_study, sensor_fit
 from studies.calibration.bench_file import FEWEST, FORCES, Bench
 from studies.calibration.sensor_fit import Fit, Sensor
-from studies.parts.requirements import Requirements
 from studies.parts.part_tolerances import Tolerances
+from studies.parts.requirements import Requirements
 
 if TYPE_CHECKING:
     from studies.output.records import FlatRow
@@ -211,12 +211,13 @@ def plan_of(
     shift, force, angle = calibrated_forces.poses_under(before, loads)
     known = np.isfinite(shift).all(axis=1)
     lost = 1 - float(known.mean())
-    if not FEWEST <= count <= (most := min(int(known.sum()), MOST_PRESSES)):
-        if most < FEWEST:
-            raise BadInput(
-                f"a press of {needed.force_z:.3g} N is beyond the mechanics of this design, which reach "
-                f"{largest_press(sensor):.3g} N: lower force_z in [requirements], or give --responses"
-            )
+    most = min(int(known.sum()), MOST_PRESSES)
+    if most < FEWEST:
+        raise BadInput(
+            f"a press of {needed.force_z:.3g} N is beyond the mechanics of this design, which reach "
+            f"{largest_press(sensor):.3g} N: lower force_z in [requirements], or give --responses"
+        )
+    if not FEWEST <= count <= most:
         raise BadInput(f"the number of presses must lie between {FEWEST} and {most}; got {count}")
     shift, force, angle = (each[known] for each in (shift, force, angle))
     left, chosen, found = list(range(len(shift))), list[int](), before

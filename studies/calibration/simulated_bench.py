@@ -113,7 +113,6 @@ def run(
         The finite elements do not reach a load of the drawn sensor.
     """
     stand = _stand_of(options)
-    progress(0.0, "plan")
     plan = press_plan.plan(
         design, made, needed, count=options.presses, responses=options.responses, force_noise=options.force_noise
     )
