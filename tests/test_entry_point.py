@@ -195,7 +195,7 @@ def test_what_is_set_in_vain_is_said(run):
 ORDER = """
     Design: design cad mesh cache catalogue size
     Simulation: solve converge analytic compare stability modes response cycle fit demo
-    Sensing: field readings calibrate decode stream firmware table layout
+    Sensing: field readings bench calibrate decode stream firmware table layout
     Exploration: explore sweep sensitivity report store
     Validation: validate
     Options: --help --version
