@@ -203,21 +203,25 @@ def test_states_have_all_keys_and_those_of_the_target(run, strict, solve_keys):
         assert abs(state["force_N"][2] / state["target_force_N"] - 1) < state["error_estimate"]
 
 
-def test_a_shear_force_shows_how_the_normal_force_changed(run, tmp_path):
+def test_a_shear_force_shows_how_the_plate_held_the_normal_one(run, tmp_path):
     status, out, _ = run(
         *("solve", "paper", "--force", 1, "--shear-force", 0.1, "--harmonics", 1, "--picture", "shear.png", *QUICK)
     )
     assert status == 0
     assert "target shear force" in out
-    assert "The normal force changed from 1 to 0.9" in out
+    assert re.search(r"force +0\.1\d*, 0, 1\.?\d* N", out)
+    assert "held the normal force of 1 N during the shear of 0.2" in out
     assert (tmp_path / "shear.png").stat().st_size > 1000
 
 
-def test_files_show_the_last_state_before_a_force_that_is_not_reached(run, strict, tmp_path):
+def test_a_force_that_is_not_reached_is_a_row_of_how_far_the_press_got(run, strict, tmp_path):
     status, out, err = run("solve", "paper", "--forces", "1,1e6", "--json", "--out", "body.vtu", *QUICK)
     assert status == 3
-    assert [state["target_force_N"] for state in strict(out)] == [1.0]
-    assert "does not reach 1e+06 N: its largest force is" in err
+    reached, nearest = strict(out)
+    assert [state["target_force_N"] for state in (reached, nearest)] == [1.0, 1e6]
+    assert [state["status"] for state in (reached, nearest)] == ["ok", "out_of_reach"]
+    assert f"largest force is {nearest['force_N'][2]:.4g} N at depth {nearest['depth_mm']:.4g} mm" in err
+    assert nearest["message"] in err
     assert err.count("\n") == 1
     assert (tmp_path / "body.vtu").exists()
 
@@ -243,7 +247,10 @@ def test_a_tolerance_chooses_finite_elements_for_the_depth_of_the_force(run, str
         ("--force 5 --shear 1", "--shear is a displacement"),
         ("--shear-force 1", "add --force"),
         ("--forces 1,2 --shear-force 1", "--forces is for presses only"),
-        ("--force 5 --shear-force 3 --friction 0.5", "0.5 x 5 N = 2.5 N, at which the plate slips; got 3 N"),
+        (
+            "--force 5 --shear-force 2 --shear-force-y 2 --friction 0.5",
+            "= 2.5 N, at which the plate slips; got 2.828",
+        ),
         ("--force 5 --shear-force 1 --friction none", "frictionless plate carries no shear force"),
         ("--force 5 --tolerance 1% --accuracy fine", "excludes --accuracy fine"),
         ("--depth 1 --tolerance 1% --model half", "excludes --model half"),

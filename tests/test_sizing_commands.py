@@ -156,16 +156,21 @@ def test_an_example_has_all_keys_and_is_a_file_of_requirements(tmp_path, capsys)
 
 
 def test_a_worst_load_is_what_solve_prints(sizing, capsys, monkeypatch):
-    """The line beside the strain of the best variant prints this strain, and the forces of the load."""
+    """The line beside the strain of the best variant prints this strain, and the forces of the load; so does that of
+    the whole required load."""
     folder, _ = sizing
     rows = json.loads((folder / "sizing.json").read_text("utf-8"))["winner"]["worst_loads"]
     (worst,) = [row for row in rows if row["figure"] == "strain"]
     page = (folder / "SIZING.md").read_text("utf-8")
     assert f"largest strain {worst['value']:.3g} % at E = {worst['E_MPa']:.4g} MPa" in page
     lines = [text.strip() for text in page.splitlines() if "magtip solve winner.toml" in text]
-    assert len(set(lines)) > 1
+    *worst_lines, required = dict.fromkeys(lines)
+    assert worst_lines
     monkeypatch.chdir(folder)
-    for line in dict.fromkeys(lines):
+    assert commands.run([*required.split()[1:], "--json"]) == 0
+    state = json.loads(capsys.readouterr().out)
+    assert state["force_N"] == pytest.approx([1.0, 0.0, 5.0], rel=1e-3)
+    for line in worst_lines:
         assert commands.run([*line.split()[1:], "--json"]) == 0
         state = json.loads(capsys.readouterr().out.splitlines()[-1])
         one = next(

@@ -1,15 +1,21 @@
-"""States with a wanted force: a press to a normal force, and a shear after it to a force along the plate.
+"""States with wanted forces: a press to a normal force, and then a shear to a force along the plate.
 
     from fem.analyses.force_targets import solve_force
     from geometry.design import paper
 
     state = solve_force(paper(), 5.0)
+    sheared = solve_force(paper(), 5.0, shear_force=(2.0, 0.0))
 
-The depth is the first one at which a press from rest on has the force along z. A shear force then needs a shear at
-this depth, during which the normal force changes. Each state is that of `fem.equilibrium.walk` under the load that
-results; its force is the wanted one within FORCE_TOLERANCE.
+The depth d of a press is the first one, from rest on, with F_z(d) = F_N. A shear force F_t is applied as a load in
+newtons is: first the press, then the shear s with the normal force held, for which the plate follows in depth,
 
-Every new state is reached from the last solved one before it, never backwards, so the force over the motion, depth or
+    F_z(d, s) = F_N and F_t(d, s) = F_t, along the path F_z = F_N from (d_press, 0) on.
+
+What sticks is what touches at the end of the press. Both forces are met within FORCE_TOLERANCE. The order matters
+where the tip sticks: a press to the final depth, and a shear with that depth held, glues a larger area.
+
+The shear is a search in one variable: each trial shear is reached in a straight line from the last solved state
+before it, never backwards, and its depth is found by secants (`HeldForce`). So the force over the motion, depth or
 shear, is that of a monotone loading; with Coulomb friction that matters. Lengths are over D, forces over E D^2.
 
 Light touches and glued plates have a mesh that depends on the depth (`fem.solve.load_case_models`). There the search
@@ -38,6 +44,7 @@ from fem.results.postprocess import read, read_response, tip_force
 from fem.scene import Model, Scene, silicone_on_axis
 from fem.solution import Solution
 from fem.solve.load_case_models import mesh_range, path_models
+from fem.solve.load_increments import extrapolate
 from fem.solve.load_stepping import Path
 from fem.solve.newton import STOPPED, Stop
 from fem.solve.path_state import PathState
@@ -55,8 +62,19 @@ the search converges so fast that a looser tolerance would save less than one st
 SHARED_TOLERANCE = 1e-3
 """The same where two states bracket the wanted force without room for another one between them: with Coulomb friction
 the force depends a little on the increments before it."""
+MOST_CORRECTIONS = 8
+"""Depths tried at a shear for a held normal force: secants need one to four."""
+OTHER_DEPTH = 1.01
+"""Second depth over the first one at a shear where the first one held the force: both give the changes of the forces
+with the depth, of which error estimates need no more than two digits."""
+LARGEST_CORRECTION = 0.25
+"""Largest change of the depth by a secant, over the depth: a slope near zero leads anywhere."""
+PARTS = 4
+"""Halvings of a shear whose normal force cannot be held: what is reached is then known to 1/16 of it."""
 
-
+FIRST_PART = 0.25
+"""First shear over the expected one: it shows whether the beam resists a shear at all under the normal force, and how
+the depth grows. That growth is quadratic, so that a first depth is hardly off there."""
 LEAST_APART = 1e-3
 """Least relative distance of two motions between which a power of the force is measured: that is far above the
 tolerance of Newton's method."""
@@ -69,6 +87,7 @@ class CurvePoint:
     motion, force : depth or shear over D, and force along it over E D^2.
     stop : why the path ended here; empty if it did not.
     iterations : Newton iterations from the state before.
+    before : the point from which it was reached; None for the first one.
     """
 
     motion: float
@@ -76,6 +95,7 @@ class CurvePoint:
     state: PathState
     stop: Stop = ""
     iterations: int = 0
+    before: CurvePoint | None = None
 
     def has(self, force: float, tolerance: float = FORCE_TOLERANCE) -> bool:
         """Return whether the force is the wanted one."""
@@ -90,11 +110,13 @@ class NotReached:
         that has a larger force already, such as the force along a tilted plate.
     last : the last state of the curve.
     beyond : the state after the jump; None where the force is too large.
+    fell : whether the force of `last` is below that of `point`, which a curve must not do.
     """
 
     point: CurvePoint
     last: CurvePoint
     beyond: CurvePoint | None = None
+    fell: bool = False
 
 
 Move = Callable[[PathState, float], CurvePoint]
@@ -111,6 +133,9 @@ class LoadingCurve:
     power : power of the motion with which the force grows at first.
     most : largest motion.
     ended : whether no further motion increases the force.
+    growth : largest ratio of a motion to the last one: a larger one may lead into loads that no solve reaches, a
+        smaller one would creep where the curve is flat.
+    falls : whether the curve may fall; where not, it ends there, since a load in newtons does not follow it.
     iterations : Newton iterations of all states.
     """
 
@@ -119,15 +144,18 @@ class LoadingCurve:
     power: float
     most: float
     ended: Callable[[PathState], bool] = lambda _: False
+    growth: float = 1.5
+    falls: bool = True
     iterations: int = 0
 
-    def reach(self, motion: float) -> CurvePoint:
+    def reach(self, motion: float, watch: Watch = lambda _: None) -> CurvePoint:
         """Return the state at a motion, or the one at which the path stops before it."""
         after = bisect.bisect_right(self.points, motion * (1 + 1e-12), key=lambda point: point.motion)
         before = self.points[after - 1]
         if math.isclose(before.motion, motion, rel_tol=1e-12):
             return before
-        point = self.move(before.state, motion)
+        watch(motion)
+        point = replace(self.move(before.state, motion), before=before)
         self.iterations += point.iterations
         bisect.insort(self.points, point, key=lambda point: point.motion)
         return point
@@ -167,6 +195,11 @@ class LoadingCurve:
         """
         while True:
             after = next((k for k, point in enumerate(self.points) if self.excess(point, force) >= 0), None)
+            fallen = next(
+                (k for k, (one, next_) in enumerate(itertools.pairwise(self.points)) if _falls(one, next_)), None
+            )
+            if not self.falls and fallen is not None and (after is None or after > fallen):
+                return NotReached(self.points[fallen], self.points[fallen + 1], fell=True)
             first, last = self.points[0], self.points[-1]
             if after == 0 and not first.has(force):
                 return NotReached(first, last)
@@ -177,8 +210,7 @@ class LoadingCurve:
             if last.stop or self.ended(last.state) or last.motion >= self.most:
                 return NotReached(max(self.points, key=lambda point: point.force), last)
             motion = min(self._next_motion(force, guess), self.most)
-            watch(motion)
-            point = self.reach(motion)
+            point = self.reach(motion, watch)
             # a path to a larger motion may stop before a state that a shorter way has reached
             if point.stop and point.motion < last.motion:
                 return NotReached(max(self.points, key=lambda point: point.force), point)
@@ -190,8 +222,7 @@ class LoadingCurve:
         before, last = self.points[-2:]
         rise = self.excess(last, force) - self.excess(before, force)
         ahead = -self.excess(last, force) * (last.motion - before.motion) / rise if rise > 0 else math.inf
-        # a larger ratio may lead into loads that no solve reaches; a smaller one would creep where the curve is flat
-        return last.motion * min(max(1 + ahead / last.motion, 1.001), 1.5)
+        return last.motion * min(max(1 + ahead / last.motion, 1.001), self.growth)
 
     def power_at(self, point: CurvePoint) -> float:
         """Return the power of the motion with which the force grows near a point; `power` where no other one is near.
@@ -214,9 +245,13 @@ class LoadingCurve:
         return math.copysign(abs(share) ** (1 / self.power), share) - 1
 
 
+def _falls(point: CurvePoint, after: CurvePoint) -> bool:
+    """Return whether the force falls from one point to the next one, farther than searches tell forces apart."""
+    return after.force < point.force - SHARED_TOLERANCE * max(abs(point.force), abs(after.force))
+
+
 def _excess_at(motion: float, curve: LoadingCurve, force: float, watch: Watch) -> float:
-    watch(motion)
-    point = curve.reach(motion)
+    point = curve.reach(motion, watch)
     # a root exactly: the search ends here
     return 0.0 if point.has(force) else curve.excess(point, force)
 
@@ -227,7 +262,7 @@ class ForceTarget:
 
     Attributes
     ----------
-    force : normal force at the end of the press, N.
+    force : normal force at the end of the press, which the shear holds, N.
     shear_force : force (x, y) along the plate at the end of the shear, N; None without a shear.
     load : friction, tilt of the plate and imperfection. Its depth and shear are 0.
 
@@ -257,11 +292,29 @@ class ForceTarget:
             raise BadInput(f"shear force must be a finite number of N other than 0; got {x:g}, {y:g}")
         if not self.load.tip_is_held and mu is None:
             raise BadInput("a frictionless plate carries no shear force: choose friction stick or a coefficient")
-        if mu is not None and not size < mu * self.force:
+        if self.load.plate_tilt:
+            self._check_tilted(x, y)
+        elif mu is not None and not size < mu * self.force:
             raise BadInput(
                 f"shear force must be below the friction coefficient times the force, {mu:g} x {self.force:g} N = "
                 f"{mu * self.force:g} N, at which the plate slips; got {size:g} N"
             )
+
+    def _check_tilted(self, x: float, y: float) -> None:
+        """A tilted plate presses the tip towards -x; it slips where the force leaves the friction cone about its
+        normal."""
+        if y:
+            raise BadInput(
+                f"a tilted plate takes a shear force in the plane of its tilt only, along x; got {y:g} N along y"
+            )
+        if self.load.coulomb is not None:
+            half = math.atan(self.load.coulomb)
+            low, high = (self.force * math.tan(way * half - self.load.plate_tilt) for way in (-1, 1))
+            if not low < x < high:
+                raise BadInput(
+                    f"shear force along x must lie between {low:.4g} and {high:.4g} N, where the tilted plate slips; "
+                    f"got {x:g} N"
+                )
 
     @property
     def shear_size(self) -> float:
@@ -370,28 +423,29 @@ class _Search:
 
     def solve(self, target: ForceTarget, scene: Scene, watch: Callable[..., None]) -> Solution:
         """Return the state with the forces of a target; `watch` is called before each solve with depth and shear."""
-        begin, D, shear = time.perf_counter(), scene.design.D, 0.0
+        begin, D = time.perf_counter(), scene.design.D
         path, press = self._press(target, scene, watch)
-        point, depth = press, press.motion
-        if target.shear_force is not None:
-            point = path.shear(press, target, functools.partial(watch, depth))
-            shear = point.motion
+        point = press if target.shear_force is None else path.shear(press, target, watch)
+        depth, shear = _motions(point.state)
         load = target.load_at(depth * D, shear * D)
         state = path.read(point, load, time.perf_counter() - begin)
         begin, coarse = time.perf_counter(), path.coarser if self._estimate else None
         if coarse is None:
             return state
-        coarse_press = coarse_point = coarse.press.reach(depth)
-        if target.shear_force is not None and not coarse_point.stop:
-            coarse_point = coarse.start_shear(coarse_point).reach(shear)
+        coarse_press = coarse_point = coarse.press.reach(press.motion)
+        if target.shear_force is not None and not coarse_press.stop:
+            coarse_point = coarse.follow(coarse_press, point)
         found = with_estimates(state, coarse.read(coarse_point, load, time.perf_counter() - begin), path.scene)
         if coarse_point.stop:
             return found
         fine, rough = (read_response(one.state, path.scene) for one in (press, coarse_press))
-        pressed = estimate_response(fine, rough, target.load_at(depth * D, 0.0), path.scene, press.state.d.model)
+        pressed = estimate_response(
+            fine, rough, target.load_at(press.motion * D, 0.0), path.scene, press.state.d.model
+        )
         motions = {"depth": motion_error(path.press, press, pressed.force)}
         if target.shear_force is not None:
-            motions["shear"] = motion_error(path.start_shear(press), point, found.estimates.sideways)
+            held, curve = path.start_shear(press)
+            motions = held.motion_errors(curve, point, found)
         return replace(found, estimates=replace(found.estimates, **motions))
 
     def _press(self, target: ForceTarget, scene: Scene, watch: Watch) -> tuple[ForcePath, CurvePoint]:
@@ -411,7 +465,7 @@ class _Search:
             if not depth or not meshes_left or path.suits(replace(load, depth=depth)):
                 break
         if isinstance(found, NotReached):
-            raise OutOfReach(_refusal(found, target.force, "press", "depth", scene.design))
+            raise path.out_of_reach(found, target.load_at(depth, 0.0), target.force, "press", "depth")
         self._depths[target.force] = depth
         return path, point
 
@@ -445,7 +499,7 @@ class ForcePath:
         most = (1 - FORCE_TOLERANCE) * silicone_on_axis(scene.design, scene.magnet) / scene.design.D
         # the force grows at first like that of Hertz's contact
         self.press = self._curve(self._path.rest, np.array([1.0, 0.0, 0.0]), power=3 / 2, most=most)
-        self._begun: tuple[CurvePoint, LoadingCurve] | None = None
+        self._begun: tuple[CurvePoint, HeldForce, LoadingCurve] | None = None
 
     @functools.cached_property
     def coarser(self) -> ForcePath | None:
@@ -457,30 +511,66 @@ class ForcePath:
         """Return the curve of a motion along an axis (3,), depth and shear along x and y, from a state on."""
         return LoadingCurve([_point(state, axis)], functools.partial(_move, self._path, axis), **options)
 
-    def shear(self, pressed: CurvePoint, target: ForceTarget, watch: Watch) -> CurvePoint:
-        """Return the state with the shear force of a target, after a press to a state."""
+    def shear(self, pressed: CurvePoint, target: ForceTarget, watch: Callable[..., None]) -> CurvePoint:
+        """Return the state with the shear force of a target, after a press to a state whose normal force it holds."""
         design = self.scene.design
         force = target.shear_size / (design.E * design.D**2)
         # that of a straight beam; a path to half of D always converges
         guess = min(force * tip_compliance(design) * design.E * design.D, 0.5)
-        found = self.start_shear(pressed).find(force, guess, watch)
+        held, curve = self.start_shear(pressed)
+        held.watch, held.force = watch, target.force / (design.E * design.D**2)
+        if len(curve.points) == 1:
+            curve.reach(FIRST_PART * guess)
+        found = curve.find(force, guess)
         if isinstance(found, NotReached):
-            raise OutOfReach(_refusal(found, target.shear_size, "shear", "shear", design))
+            depth, shear = (part * design.D for part in _motions(found.point.state))
+            raise self.out_of_reach(found, target.load_at(depth, shear), target.shear_size, "shear", "shear")
         return found
 
-    def start_shear(self, pressed: CurvePoint) -> LoadingCurve:
-        """Return the force along the shear over the shear, after a press to a state."""
+    def start_shear(self, pressed: CurvePoint) -> tuple[HeldForce, LoadingCurve]:
+        """Return what holds the normal force of a press, and the force along the shear over the shear."""
         if self._begun is None or pressed is not self._begun[0]:
-            shear = np.append(0.0, self.scene.turn @ self.scene.loads[0].imposed_shear)
-            state, most = self._path.begin_shear(pressed.state), 2 * self.scene.shape.L
-            curve = self._curve(state, shear / np.linalg.norm(shear), power=1, most=most, ended=slips_wholly)
-            self._begun = pressed, curve
-        return self._begun[1]
+            along = np.append(0.0, self.scene.turn @ self.scene.loads[0].imposed_shear)
+            axis, state = along / np.linalg.norm(along), self._path.begin_shear(pressed.state)
+            stiffness = self.press.power_at(pressed) * pressed.force / pressed.motion
+            held = HeldForce(self._path, axis, pressed, stiffness)
+            curve = LoadingCurve(
+                [_point(state, axis)],
+                held.move,
+                power=1,
+                most=2 * self.scene.shape.L,
+                ended=slips_wholly,
+                growth=1 / FIRST_PART,
+                falls=False,
+            )
+            self._begun = pressed, held, curve
+        return self._begun[1:]
+
+    def follow(self, pressed: CurvePoint, point: CurvePoint) -> CurvePoint:
+        """Return the state at the position of a point of the shear on another mesh, after a press to a state here.
+
+        With Coulomb friction it is reached by way of the points that led to that one.
+        """
+        way = [point]
+        while pressed.state.friction is not None and way[-1].before is not None:
+            way.append(way[-1].before)
+        state, stop = self._path.begin_shear(pressed.state), pressed.stop
+        for each in reversed(way):
+            if not stop:
+                reached = self._path.follow_straight(state, each.state.position)
+                state, stop = reached.state, reached.stop
+        return CurvePoint(point.motion, point.force, state, stop)
+
+    def out_of_reach(self, found: NotReached, load: Load, force: float, loading: str, motion: str) -> ForceOutOfReach:
+        """Return the error that no state has a force, N, of a press or a shear; with the state under the load that
+        has the largest one."""
+        state = self.read(replace(found.point, stop=""), load, 0.0)
+        return ForceOutOfReach(_refusal(found, force, loading, motion, self.scene.design), state)
 
     def read(self, point: CurvePoint, load: Load, seconds: float) -> Solution:
         """Return the solution at a state whose search took some seconds."""
         iterations = 0
-        for curve in (self.press, *(self._begun or ())[1:]):
+        for curve in (self.press, *(self._begun or ())[2:]):
             iterations, curve.iterations = iterations + curve.iterations, 0
         margin = self._margin
         return read(point.state, self.scene, load, point.stop, iterations=iterations, seconds=seconds, margin=margin)
@@ -496,6 +586,120 @@ class ForcePath:
             # size of an element there
             return math.isclose(load.depth, present.depth, rel_tol=0.01)
         return self.scene.solid or mesh_range(self.scene, load.depth / D) == mesh_range(self.scene, present.depth / D)
+
+
+class HeldForce:
+    """A shear during which the depth of the plate holds the normal force of the press before.
+
+    Parameters
+    ----------
+    axis : (3,) unit vector of the shear.
+    pressed : end of the press.
+    stiffness : change of the normal force with the depth there, over E D.
+
+    Attributes
+    ----------
+    force : that is held, over E D^2; at first that of the press.
+    watch : is called before each solve with depth and shear.
+    """
+
+    def __init__(self, path: Path, axis: Array, pressed: CurvePoint, stiffness: float) -> None:
+        self._path, self._axis, self.force = path, axis, pressed.force
+        self.watch: Callable[..., None] = lambda *_: None
+        # changes of the normal force and of that along the shear with the depth, at the last shear where two depths
+        # were tried
+        self._stiffness, self._coupling = stiffness, math.nan
+        self._depths = {0.0: pressed.motion}
+
+    def move(self, state: PathState, shear: float) -> CurvePoint:
+        """Move from a state to a shear over D, or to the last part of it at which the force can be held."""
+        point = self._hold(state, shear)
+        if not point.stop:
+            return point
+        low, high = _point(state, self._axis), shear
+        for _ in range(PARTS):
+            between = self._hold(low.state, (low.motion + high) / 2)
+            low, high = (low, (low.motion + high) / 2) if between.stop else (between, high)
+        return replace(low, stop=point.stop)
+
+    def _hold(self, state: PathState, shear: float, guess: float | None = None) -> CurvePoint:
+        """Return the point at a shear where the normal force is the held one, found by secants over the depth.
+
+        guess : first depth over D; default: that expected from other shears.
+        """
+        depth, iterations = self._expected(shear) if guess is None else guess, 0
+        tried: tuple[float, float, float] | None = None
+        stop: Stop = "force_lost"
+        for _ in range(MOST_CORRECTIONS):
+            self.watch(depth, shear)
+            reached = self._path.follow_straight(state, np.append(depth, 0.0 * self._axis[1:]) + shear * self._axis)
+            point, normal = _point(reached.state, self._axis), float(tip_force(reached.state)[2])
+            iterations += reached.iterations
+            if reached.stop:
+                stop = reached.stop
+                break
+            if tried is not None and abs(depth - tried[0]) > LEAST_APART * depth:
+                self._stiffness, self._coupling = (
+                    (now - before) / (depth - tried[0])
+                    for now, before in zip((normal, point.force), tried[1:], strict=True)
+                )
+            if abs(normal - self.force) <= FORCE_TOLERANCE * self.force:
+                self._depths[shear] = depth
+                return replace(point, iterations=iterations)
+            if not self._stiffness > 0:  # a plate that is pressed by a force gives way here
+                break
+            tried = depth, normal, point.force
+            most = LARGEST_CORRECTION * depth
+            depth += min(max((self.force - normal) / self._stiffness, -most), most)
+        return replace(point, iterations=iterations, stop=stop)
+
+    def _expected(self, shear: float) -> float:
+        """Return the depth expected at a shear, from those at rest and at the two nearest shears.
+
+        It is even in the shear of an upright plate.
+        """
+        others = sorted((abs(one - shear), one) for one in self._depths if one)[:2]
+        at = [one for _, one in others]
+        if len(at) == 1:
+            first = self._depths[0.0]
+            return first + (self._depths[at[0]] - first) * (shear / at[0]) ** 2
+        values = [np.array(self._depths[one]) for one in (0.0, *at)]
+        return float(extrapolate([0.0, *at], values, shear))
+
+    def motion_errors(self, curve: LoadingCurve, point: CurvePoint, found: Solution) -> dict[str, float | None]:
+        """Return the relative errors of depth and shear at a point, from those of the forces at these motions.
+
+        With the changes k and g of F_z and F_t with the depth, and c = dd/ds and h = dF_t/ds along the path of the
+        held force, the Jacobian is [[k, -k c], [g, h - g c]], of determinant k h, so that
+
+            |dd| <= (|h - g c| |dF_z| + k |c| |dF_t|) / (k h),  |ds| <= (|g| |dF_z| + k |dF_t|) / (k h).
+        """
+        normal, along = found.estimates.force, found.estimates.sideways
+        s, d = point.motion, float(point.state.position[0])
+        if math.isnan(self._coupling) and point.before is not None:
+            self._hold(point.before.state, s, OTHER_DEPTH * d)
+        k, g, h = self._stiffness, self._coupling, curve.power_at(point) * point.force / s
+        if normal is None or along is None or not (k > 0 and h > 0 and math.isfinite(g)):
+            return {"depth": None, "shear": None}
+        c = (self._expected(s * (1 + LEAST_APART)) - self._expected(s * (1 - LEAST_APART))) / (2 * LEAST_APART * s)
+        off, aside = normal * math.hypot(self.force, point.force), along * point.force
+        return {
+            "depth": (abs(h - g * c) * off + k * abs(c) * aside) / (k * h * d),
+            "shear": (abs(g) * off + k * aside) / (k * h * s),
+        }
+
+
+class ForceOutOfReach(OutOfReach):
+    """No state has a wanted force; `state` is the one that comes nearest, of the motion of the target."""
+
+    def __init__(self, sentence: str, state: Solution) -> None:
+        super().__init__(sentence)
+        self.state = state
+
+
+def _motions(state: PathState) -> tuple[float, float]:
+    """Return depth and shear of a state over D."""
+    return float(state.position[0]), float(np.linalg.norm(state.position[1:]))
 
 
 def _point(state: PathState, axis: Array) -> CurvePoint:
@@ -522,6 +726,12 @@ def _refusal(error: NotReached, force: float, loading: str, motion: str, design:
         return (
             f"no state of the {loading} has a force of {force:g} N: it jumps from {point.force * unit:.4g} to "
             f"{error.beyond.force * unit:.4g} N {at}: take a force outside this range"
+        )
+    if error.fell:
+        fallen = f"{error.last.force * unit:.4g} N at {error.last.motion * design.D:.4g} mm"
+        return (
+            f"the {loading} does not reach {force:g} N: the beam gives way, its force falls from "
+            f"{point.force * unit:.4g} N {at} to {fallen}: take a smaller normal force or shear force"
         )
     reasons = {
         "stopped": f"where the solve stops ({STOPPED[error.last.stop]})",

@@ -129,7 +129,8 @@ def _onset_range(state: PathState, D: float) -> tuple[Literal["depth", "shear"] 
     if state.onset is None:
         return None, None
     before, after = state.onset
-    if before[0] != after[0]:
+    # a shear with a held normal force changes both
+    if np.array_equal(before[1:], after[1:]):
         return "depth", (float(before[0]) * D, float(after[0]) * D)
     return "shear", (float(np.linalg.norm(before[1:])) * D, float(np.linalg.norm(after[1:])) * D)
 

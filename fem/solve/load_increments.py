@@ -325,7 +325,11 @@ def longest_increment(state: PathState, start: Array, goal: Array, friction_step
     if state.friction is None:
         return LONGEST if state.d.revolved else LONGEST / 2
     press = min(FRICTION_PRESS, FRICTION_PRESS_SHARE * float(max(start[0], goal[0])))
-    return friction_step_factor * (press if goal[0] != start[0] else FRICTION_SHEAR)
+    # a segment that is both is bounded by the part that bounds it more
+    depth, shear = abs(goal[0] - start[0]), float(np.linalg.norm(goal[1:] - start[1:]))
+    length = float(np.linalg.norm(goal - start))
+    bounds = [most * (length / part) for most, part in ((press, depth), (FRICTION_SHEAR, shear)) if part]
+    return friction_step_factor * min(bounds)
 
 
 def _bracket_onset(

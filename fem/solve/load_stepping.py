@@ -94,10 +94,10 @@ class Path:
 
     def advance(self, state: PathState, position: Array) -> Reached[PathState]:
         """Move from a state to a position (3,): first to its depth, then to its shear."""
-        pressed = self._follow_straight(state, np.array([position[0], *state.position[1:]]))
+        pressed = self.follow_straight(state, np.array([position[0], *state.position[1:]]))
         if pressed.stop or np.array_equal(position[1:], state.position[1:]):
             return pressed
-        sheared = self._follow_straight(self.begin_shear(pressed.state), position)
+        sheared = self.follow_straight(self.begin_shear(pressed.state), position)
         return replace(sheared, iterations=pressed.iterations + sheared.iterations)
 
     def apply(self, state: PathState, position: Array) -> Reached[PathState]:
@@ -167,8 +167,9 @@ class Path:
             return None, None
         return raised.build(), None if predictor is None else predictor.build()
 
-    def _follow_straight(self, state: PathState, goal: Array) -> Reached[PathState]:
-        """Follow a straight segment to a position (3,), by a prediction where possible."""
+    def follow_straight(self, state: PathState, goal: Array) -> Reached[PathState]:
+        """Move in a straight line to a position (3,), whose depth and shear may both differ; by a prediction where
+        possible."""
         if np.array_equal(goal, state.position):
             return Reached(state, "", 0)
         solver = self._solvers.setdefault(state.d.model, Solver())

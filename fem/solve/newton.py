@@ -39,15 +39,16 @@ CONFIRMED = 3.0
 """Margin of the tolerance over the predicted residual after a last step with a kept factorisation that is not
 confirmed."""
 
-Stop = Literal["", "no_convergence", "guess_inverted", "step_inverted", "singular"]
+Stop = Literal["", "no_convergence", "guess_inverted", "step_inverted", "singular", "force_lost"]
 STOPPED: dict[Stop, str] = {
     "": "",
     "no_convergence": f"no convergence in {MOST_ITERATIONS} iterations",
     "guess_inverted": "the first guess inverts an element (J <= 0)",
     "step_inverted": "an element is about to be inverted (J <= 0)",
     "singular": "the stiffness is singular",
+    "force_lost": "no depth near there holds the normal force",
 }
-"""Why Newton's method stopped, in words."""
+"""Why Newton's method, or the search for a depth that holds a force, stopped, in words."""
 
 
 class NoStateError(BadInput, SolveFailed):

@@ -29,9 +29,11 @@ def solve(
 ) -> int:
     """Compute force, shift and tilt of the magnet by finite elements; print each state as soon as it is reached.
 
-    If a solve stops early, the last converged state is printed and the exit status is 3. With --tolerance, formulas
-    or the surrogate may replace the finite elements, and all states are printed at the end. With --force the model
-    for a tolerance is chosen for the depth that accuracy quick finds, and only among finite elements.
+    If a solve stops early, the last converged state is printed and the exit status is 3. With --force and
+    --shear-force the plate first presses by the force and then shears while it holds this force, until both are met;
+    where they cannot be, the state that comes nearest is printed with the status out_of_reach. With --tolerance,
+    formulas or the surrogate may replace the finite elements, and all states are printed at the end. With --force the
+    model for a tolerance is chosen for the depth that accuracy quick finds, and only among finite elements.
 
     Parameters
     ----------
@@ -63,8 +65,8 @@ def solve(
                 wide=call.wide,
             )
     notes = console.remarks(records, load_cases.MOVED) if len(loads) > 1 else []
-    if targets and (change := load_cases.change_of_force(records[-1])):
-        notes.append(change)
+    if targets and records and (held := load_cases.held_force(records[-1])):
+        notes.append(held)
     # the records are printed as soon as they are reached
     result = Result(title=title, records=[], shown=notes, failures=failure_of(records))
     return show(result, call.screen)

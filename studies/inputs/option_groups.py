@@ -84,8 +84,8 @@ class Motion:
     forces: str | None = None
     """Several normal forces of a press, f1,f2,f3, N."""
     shear_force: float | None = None
-    """Force along x, N, to which the plate shears the tip after the press to --force. The depth stays fixed, so the
-    normal force changes; the state shows it."""
+    """Force along x, N, to which the plate shears the tip after the press to --force, while it holds that normal
+    force by its depth."""
     shear_force_y: float | None = None
     """The same along y, N."""
     steps: Whole | None = None

@@ -287,6 +287,8 @@ def _rows(
     vtu: Path | None,
     png: Path | None,
 ) -> Generator[FlatRow]:
+    from fem.analyses.force_targets import ForceOutOfReach
+
     last: Solution | None = None
     reached = 0
     made_for = design_digest.of_mechanics(design, method.magnet)
@@ -299,6 +301,9 @@ def _rows(
             # no mesh, for instance: the row says so, and the exit status is that of a failed solve
             lost: dict[str, Any] = {"status": "not_converged", "message": str(error), "stop": "no_mesh"}
             yield state_rows.state_row(loads[reached], None, method.model, made_for, **lost)
+        except ForceOutOfReach as error:
+            last = error.state
+            yield state_rows.solved_row(last, made_for) | {"status": "out_of_reach", "message": str(error)}
         finally:
             if last is not None and vtu is not None:
                 vtk_files.write_field(vtu, last)
@@ -351,15 +356,14 @@ def unshown(targets: Sequence[ForceTarget]) -> tuple[str, ...]:
     )
 
 
-def change_of_force(record: FlatRow) -> str:
-    """Return how the normal force changed during the shear, in a sentence; empty without a shear."""
+def held_force(record: FlatRow) -> str:
+    """Return how the plate moved during a shear that held the normal force, in a sentence; empty without a shear."""
     if record["target_shear_force_N"] is None or record["force_N"] is None:
         return ""
-    before, after = record["target_force_N"], record["force_N"][2]
     shear = math.hypot(record["shear_mm"], record["shear_y_mm"])
     return (
-        f"The normal force changed from {before:.4g} to {after:.4g} N during the shear of {shear:.4g} mm, at a fixed "
-        f"depth of {record['depth_mm']:.4g} mm."
+        f"The plate held the normal force of {record['target_force_N']:.4g} N during the shear of {shear:.4g} mm, "
+        f"which ends at a depth of {record['depth_mm']:.4g} mm."
     )
 
 
