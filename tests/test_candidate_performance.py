@@ -55,10 +55,10 @@ def reached(one, needed=NEEDED, **options):
     return performance(sensors, sensors.beams(), needed, **options)
 
 
-@pytest.mark.parametrize("shape", ["round", "square"])
+@pytest.mark.parametrize(("shape", "screws"), [("round", True), ("square", True), ("square", False)])
 @pytest.mark.parametrize("process", ["fdm", "sla"])
-def test_sizes_are_those_of_base_and_mould(shape, process):
-    needed = Requirements(force_z=5.0, outer_shape=shape, process=process)
+def test_sizes_are_those_of_base_and_mould(shape, screws, process):
+    needed = Requirements(force_z=5.0, outer_shape=shape, screws=screws, process=process)
     space, random = Space(needed, CHIPS), np.random.default_rng(1)
     counts = [len(CHIPS.magnets), len(CHIPS.silicones), len(CHIPS.hall_parts)]
     drawn = space.candidates(random.integers(counts, size=(80, 3)), random.random((80, 5)))
@@ -67,7 +67,7 @@ def test_sizes_are_those_of_base_and_mould(shape, process):
         variant = drawn.variant(k)
         if isinstance(variant, str):
             continue
-        outline = plan(variant.design, Base(shape=shape), process)
+        outline = plan(variant.design, Base(shape=shape, screw=None if screws else 0.0), process)
         mould, (_, _, height) = sizes(variant.design, Mold(process=process)), outer_size(variant.design, outline)[0]
         wall = min(2 * mould.pin_radius, mould.wall, 1.2 if outline.seats.posts else np.inf)
         assert said == pytest.approx([2 * outline.half, height, wall], abs=1e-9)

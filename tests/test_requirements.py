@@ -20,11 +20,12 @@ from studies.inputs.user_input import read_design
 from studies.output.goals import Goal, failures
 from studies.parts.catalogues import catalogues_of, read_catalogue
 from studies.parts.requirements import KINDS, LIMITS, Requirements, read_requirements
-from studies.sizing import sizing_export
+from studies.sizing import advice, sizing_export
+from studies.sizing.advice import choices, could_give, demand
 from studies.sizing.candidate_variables import Space, Variant, part_fields
-from studies.sizing.conflicts import demand, impossible
+from studies.sizing.conflicts import impossible
 from studies.sizing.published_sensors import published_sensors, reached_in
-from studies.sizing.variant_search import Effort, sorted_parts
+from studies.sizing.variant_search import Effort, Rating, searched, sorted_parts
 
 FULL = """
 version = 1
@@ -113,7 +114,7 @@ def test_size_says_which_of_its_arguments_is_missing(toml, run):
 
 def test_rows_state_what_is_unset():
     states = {row["requirement"]: row["state"] for row in Requirements(force_z=5.0, largest_strain=0.4).rows()}
-    assert set(states) == {*LIMITS, "no_saturation", "unique_decoding"}
+    assert set(states) == {*LIMITS, "no_saturation", "unique_decoding", "screws"}
     assert states["force_z"] == states["largest_strain"] == "set"
     assert states["stability_margin"] == states["no_saturation"] == "default"
     assert states["force_x"] == states["first_mode"] == "unset"
@@ -187,11 +188,48 @@ def test_no_candidate_is_beyond_a_bound():
 
 
 @pytest.mark.parametrize("strict", [1.0, 1e-3])
-def test_a_demand_does_not_depend_on_how_much_too_strict_the_requirement_is(strict):
+def test_a_demand_does_not_depend_on_how_much_too_strict_the_requirement_is(strict, monkeypatch):
+    monkeypatch.setattr(advice, "FAR", BRIEF)
     needed = dataclasses.replace(NEEDED, resolution_z=1e-3 * strict)
-    assert 0.02 < demand("resolution_z", needed, PARTS, BRIEF) < 0.2
+    assert 0.02 < demand(("resolution_z",), needed)[1]["resolution_z"] < 0.2
     forces = dataclasses.replace(NEEDED, force_z=min(50.0 / strict, 1e4), force_x=None)
-    assert 5 < demand("force_z", forces, PARTS, BRIEF) < 50
+    assert 5 < demand(("force_z",), forces)[1]["force_z"] < 50
+
+
+def test_no_random_candidate_needs_less_of_a_bound_that_gives(monkeypatch):
+    """The base of the demand is at most 1 % larger than that of any random candidate that meets all else."""
+    monkeypatch.setattr(advice, "FAR", Effort(64, 12))
+    needed = dataclasses.replace(NEEDED, outer_size=15.0, largest_strain=0.8)
+    _, reached, _ = demand(("outer_size",), needed)
+    loose, random = dataclasses.replace(needed, outer_size=40.0), np.random.default_rng(4)
+    space = Space(loose, sorted_parts(PARTS))
+    drawn = space.candidates(random.integers([2, 2, 1], size=(4000, 3)), random.random((4000, 5)))
+    _, violation = Rating(loose)(drawn)
+    met = drawn.take(violation == 0)
+    assert len(met) > 20
+    assert needed.outer_size < reached["outer_size"] < 1.01 * met.sizes()[0].min()
+
+
+def test_two_bounds_give_together_where_none_does_alone(monkeypatch):
+    monkeypatch.setattr(advice, "FAR", Effort(64, 12))
+    needed = dataclasses.replace(NEEDED, outer_size=15.0, resolution_z=1e-3, largest_strain=0.5)
+    _, pairs = could_give(needed, searched(needed, PARTS, BRIEF))
+    assert pairs[0] == ("outer_size", "resolution_z")
+    assert not any(demand((name,), needed)[1] for name in pairs[0])
+    reached = demand(pairs[0], needed)[1]
+    assert 15 < reached["outer_size"] < 22
+    assert 1e-3 < reached["resolution_z"] < 0.2
+
+
+def test_choices_of_the_file_are_tried_the_other_way():
+    """Not one that is as open as it can be, and none that another requirement contradicts."""
+    strict = dataclasses.replace(NEEDED, outer_shape="square", process="sla", chips=3)
+    tried = {trial.changed[0]: (trial.before, trial.needed) for trial in choices(strict)}
+    assert set(tried) == {"outer_shape", "process", "screws", "magnets", "silicones", "hall_parts", "D"}
+    assert tried["outer_shape"][1].outer_shape == "round"
+    assert tried["hall_parts"][1].hall_parts == ()
+    assert tried["D"][1].D_low is None
+    assert "screws" not in {trial.changed[0] for trial in choices(NEEDED)}
 
 
 # Failures that follow from goals.

@@ -12,7 +12,7 @@ from conftest import make_fast
 
 from studies.cli import commands
 from studies.output import atomic_files
-from studies.sizing import conflicts, front_yield
+from studies.sizing import advice, front_yield
 from studies.sizing.variant_search import Effort
 
 NEEDED = """
@@ -52,8 +52,13 @@ def contradiction(tmp_path_factory):
     atomic_files.write_text(parts / "README.md", "Made with `magtip cad`")
     out, err = io.StringIO(), io.StringIO()
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(conflicts, "LEAST_EFFORT", Effort(32, 4))
-        patch.setattr(conflicts, "ADVICES", 1)
+        # one choice, the shape of the base, and the bound that is missed; the resolution is not
+        choices = advice.choices
+        patch.setattr(advice, "FAR", Effort(32, 4))
+        patch.setattr(advice, "NEAR", Effort(32, 4))
+        patch.setattr(advice, "choices", lambda needed: choices(needed)[:1])
+        patch.setattr(advice, "BOUNDS", 1)
+        patch.setattr(advice, "readings", lambda *_: [])
         with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
             status = commands.run(size(folder, NEEDED.replace("100 %", "3 %"), folder / "store.db", "--json"))
     return folder / "out", status, out.getvalue(), err.getvalue()
@@ -135,6 +140,8 @@ def test_a_contradiction_shows_the_nearest_candidate_and_an_advice(contradiction
 def test_what_is_impossible_is_said_before_the_search(tmp_path, capsys, monkeypatch):
     from studies.sizing import sizing_study
 
+    # nor is there another choice to be tried
+    monkeypatch.setattr(advice, "choices", lambda _: [])
     monkeypatch.setattr(sizing_study, "searched", lambda *_, **__: pytest.fail("searched"))
     assert commands.run(size(tmp_path, NEEDED.replace("30 mm", "12 mm"), tmp_path / "store.db", "--json")) == 3
     said = capsys.readouterr()

@@ -194,8 +194,8 @@ Wanted = Annotated[
         help="TOML file of requirements. Keys: force_z (needed), force_x, friction, press_with_shear, range_cap, "
         "resolution_z, resolution_x, bandwidth, samples, chips, converter_noise, converter_step, converter_rate, "
         "largest_strain, no_saturation, unique_decoding, stability_margin, drift_per_K, hysteresis, speed, "
-        "least_yield, "
-        "first_mode, outer_size, outer_shape, height, process, wall, D, catalogues, shipped, magnets, hall_parts, "
+        "least_yield, first_mode, outer_size, outer_shape, screws, height, process, wall, D, catalogues, shipped, "
+        "magnets, hall_parts, "
         "silicones, seed, version, [weights]; --example prints a file with all of them.",
     ),
 ]
@@ -238,7 +238,7 @@ def size(
 
     Magnets, Hall parts and silicones come from catalogues (see magtip catalogue). All points of the front are solved
     by finite elements; those that fail are not ranked. Exit status 3 if no variant meets all requirements: a message
-    then says what is impossible, or which candidate comes nearest and which requirement alone could give. After an
+    then says what is impossible, or which candidate comes nearest, and which choices, bounds or pairs of bounds could give. After an
     interruption the same command solves no state again.
 
     Parameters

@@ -56,6 +56,7 @@ def finished(
     scheduler: str | None = None,
     cost: Callable[[T], float] | None = None,
     progress: Progress | None = None,
+    words: str = "solves",
 ) -> Generator[Finished[T, R], None, None]:
     """Call a function of each task and yield each task as soon as it is finished, in any order.
 
@@ -68,12 +69,12 @@ def finished(
     workers : number of processes; 0 calls the function in this process. Without effect on a cluster.
     scheduler : address of a Dask scheduler, such as tcp://10.0.0.1:8786.
     cost : expected time of a task, in any unit; default: all tasks take equally long.
-    progress : receives the finished share of the costs and the time left.
+    progress : receives the finished share of the costs and the time left, and `words` for the tasks.
 
     `SchedulerLost` says that the scheduler, or all of its workers, were lost during the run. Whatever the function
     raises ends the run, with the traceback of the worker as a note.
     """
-    report = Unfinished([cost(task) if cost else 1.0 for task in tasks], progress)
+    report = Unfinished([cost(task) if cost else 1.0 for task in tasks], progress, words)
     workers = min(workers, len(tasks))  # each has more threads for linear algebra
     opened: contextlib.AbstractContextManager[Executor]
     if scheduler is not None:
@@ -138,8 +139,8 @@ class Unfinished:
     The time is that of their costs times the mean time per cost.
     """
 
-    def __init__(self, costs: Sequence[float], progress: Progress | None = None) -> None:
-        self.progress, self.next, self.shown = progress, 0.0, -1
+    def __init__(self, costs: Sequence[float], progress: Progress | None = None, words: str = "solves") -> None:
+        self.progress, self.words, self.next, self.shown = progress, words, 0.0, -1
         self.waiting = dict(enumerate(costs))
         self.count, self.total = len(costs), math.fsum(costs)
         self._seconds = self._measured = 0.0
@@ -172,7 +173,7 @@ class Unfinished:
         self.next, self.shown = now + REPORTS, finished
         seconds = self.seconds_left(max(workers, 1))
         text = "" if math.isnan(seconds) or not left else f", {clock_text(seconds)} left"
-        self.progress(self.share, f"{finished} of {self.count} solves{text}")
+        self.progress(self.share, f"{finished} of {self.count} {self.words}{text}")
 
 
 def clock_text(seconds: float) -> str:

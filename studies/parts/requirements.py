@@ -17,6 +17,7 @@ import numpy as np
 
 from analytic.parts import CONVERTER_NOISE, CONVERTER_STEP
 from geometry.arrays import Array
+from geometry.base import Base
 from geometry.design import BadInput, Design
 from geometry.fabrication.printability import PROCESSES
 from geometry.hall_chips import CIRCLES
@@ -94,6 +95,7 @@ class Requirements:
     samples: int = 1
     chips: int = 1
     outer_shape: Literal["round", "square"] = "round"
+    screws: bool = True
     process: Literal["fdm", "sla"] = "fdm"
     catalogues: tuple[str, ...] = ()
     shipped: tuple[str, ...] = CATALOGUES
@@ -189,9 +191,18 @@ class Requirements:
         return np.array([*pure, *sheared])
 
     @property
+    def base(self) -> Base:
+        """The base; a round one has no holes for screws."""
+        return Base(shape=self.outer_shape, screw=None if self.screws else 0.0)
+
+    @property
     def printed_wall(self) -> float:
         """Thinnest wall or pin of mould and base, mm; default: what the process prints."""
         return PROCESSES[self.process].detail if self.wall is None else self.wall
+
+    def bound(self, name: str) -> float:
+        """Return the value of a requirement that bounds a variant."""
+        return float(self.printed_wall if name == "wall" else getattr(self, name))
 
     def rows(self) -> list[dict[str, Any]]:
         """Return a row for each requirement: its value, unit and whether it is set, a default, or unset.
@@ -268,7 +279,7 @@ KINDS: dict[str, Any] = {
     "version": int,
     **{name: _NUMBER for name in LIMITS if name not in ENDS},
     "D": float | str | list[Any],
-    **dict.fromkeys(("no_saturation", "unique_decoding"), bool),
+    **dict.fromkeys(("no_saturation", "unique_decoding", "screws"), bool),
     **dict.fromkeys(("samples", "chips"), int),
     "outer_shape": Literal["round", "square"],
     "process": Literal["fdm", "sla"],

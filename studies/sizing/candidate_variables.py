@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from analytic.parts import of_design
 from geometry.arrays import Array, Ints
-from geometry.base import EDGE, Base, plan
+from geometry.base import EDGE, plan
 from geometry.design import LEAST_WALL, BadInput, Design
 from geometry.fabrication.hall_elements import SS495A, WEB
 from geometry.fabrication.printability import PROCESSES
@@ -175,6 +175,10 @@ class Candidates:
         """Return some of the candidates."""
         return Candidates(self.space, self.choices[rows], self.lengths[rows], self.share[rows])
 
+    def of(self, space: Space) -> Candidates:
+        """Return them as candidates of a space with the same parts and other requirements, at the whole forces."""
+        return dataclasses.replace(self, space=space, share=np.ones_like(self.share))
+
     def magnet(self, name: str) -> Array:
         return self.space.magnets[name][self.choices[:, 0]]
 
@@ -247,7 +251,7 @@ class Candidates:
     def sizes(self) -> tuple[Array, Array, Array]:
         """Return outer size, height and thinnest printed wall or pin, each of shape (n,), mm."""
         needed, process, fit, part = self.space.requirements, self.space.process, self.space.fit, SS495A
-        choices = Base(shape=needed.outer_shape)
+        choices = needed.base
         wall, three, (l0, f, _) = choices.seat_wall, self.three, self.places()
         s1, level = self.H - l0, self.lengths[:, 4]
         post = three & (level > 0)
@@ -256,14 +260,14 @@ class Candidates:
         # the seat of S1, or of each chip on the circle
         places = np.abs(np.moveaxis(self.circle(), 1, 0))
         x, y = self.hall_part("reach_x") + places[0], self.hall_part("reach_y") + places[1]
-        R, hole = self.D / 2, 0.0 if choices.is_round else 1.1
+        R, hole = self.D / 2, 0.0 if choices.is_round or not needed.screws else 1.1
         if choices.is_round:
             reach = np.maximum(np.hypot(x, y).max(axis=0), np.where(three, np.hypot(far, half), 0.0))
             outer = np.maximum(R + process.fit + wall, reach + wall)
         else:
             reach = np.maximum(np.maximum(x, y).max(axis=0), np.where(three, np.maximum(far, half), 0.0))
             at = np.maximum((R + hole + EDGE) / np.sqrt(2), reach + wall - hole)
-            outer = np.maximum.reduce([at + hole + EDGE, R + EDGE, reach + wall])
+            outer = np.maximum.reduce([at + hole + EDGE if hole else 0 * R, R + EDGE, reach + wall])
         one_axis = np.maximum.reduce(
             [np.full(len(self), 3.0), part.thickness - part.depth - s1, part.height / 2 - level + WEB]
         )
@@ -286,7 +290,7 @@ class Candidates:
         fields |= {"f": f, "c": c} if part.layout == "three" else {"chip_x": f}
         try:
             design = Design(**fields)
-            plan(design, Base(shape=needed.outer_shape), needed.process)
+            plan(design, needed.base, needed.process)
         except BadInput as error:
             return str(error)
         return Variant(design, magnet, part, silicone)
@@ -324,7 +328,7 @@ def _seat(part: HallPartEntry, requirements: Requirements) -> dict[str, float]:
     """
     one = dataclasses.replace(part, count=1)
     design = Design(D=20.0, L=20.0, l0=40.0, f=40.0, c=20.0, **part_fields(one, requirements))
-    made = plan(design, Base(shape=requirements.outer_shape), requirements.process)
+    made = plan(design, requirements.base, requirements.process)
     (body, *_), z = made.seats.bodies.values(), design.H - design.l0
     element = of_design(design)[0]
     x, y = (max(-body.corner[k], body.corner[k] + body.sides[k]) for k in (0, 1))

@@ -1,15 +1,14 @@
-"""Requirements that no variant was found to meet: what is impossible by a bound, and which one would have to give.
+"""Requirements that no variant was found to meet: what is impossible by a bound, and what would have to give.
 
-A bound is a proof: the least base, height or wall of all parts in use. Everything else is what a search found: none
-of so many candidates meets all requirements, the nearest one is solved by finite elements, and a requirement that
-alone could give is loosened as far as a search for it says. The loosened requirements are then searched again, by the
-same search that `magtip size` runs, and the variant found is solved by finite elements: only what holds is said.
+A bound is a proof: the least base, height or wall of all parts in use. It is said at once, unless another choice of
+the file takes it away. Everything else is what a search found: none of so many candidates meets all requirements, the
+nearest one is solved by finite elements, and so is a variant of each change that helps, see `advice`: single ones, or
+pairs of bounds where none helps alone.
 """
 
 from __future__ import annotations
 
-import dataclasses
-import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,28 +16,22 @@ from typing import Any
 import numpy as np
 
 from geometry.bad_input import BadInput
+from geometry.compiled import cores
 from geometry.messages import Progress
-from studies.cases import FiniteElements
 from studies.mechanics import surrogate_range
+from studies.mechanics.workers import finished
 from studies.output import page_templates
 from studies.output.records import FlatRow
-from studies.parts.catalogues import Catalogues
+from studies.parts.catalogues import Catalogues, catalogues_of
 from studies.parts.requirements import AT_LEAST, AT_MOST, LIMITS, Requirements
-from studies.sizing.candidate_variables import Space
-from studies.sizing.front_solves import FrontPoint, solved_points
-from studies.sizing.variant_search import Effort, Found, Rating, searched, sorted_parts
+from studies.sizing import advice
+from studies.sizing.advice import Proof, Trial
+from studies.sizing.candidate_variables import Candidates, Space
+from studies.sizing.front_solves import FrontPoint
+from studies.sizing.variant_search import Found, part_of, sorted_parts
 
-LEAST_EFFORT = Effort(256, 24)
-"""Effort of the search for how far one requirement would have to give."""
-NEVER = 20.0
-"""Logarithm of a miss from which on a requirement is not met by anything that gives."""
-AGAIN = 3
-"""How often a requirement is loosened further if a search with it finds nothing."""
-ADVICES = 3
-"""Requirements that are tried, those first of which the nearest candidates miss least."""
-SLACK, FURTHER = 0.02, 1.3
-"""How much more than found a requirement gives, relative to what was found, so that a search can come into it; and
-how much more it gives each time that this is not enough."""
+WITHOUT_PAIRS = 0.75
+"""Share of the progress at which the trials of single changes end, and those of pairs begin if none helps."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +44,8 @@ class Conflict:
     candidates : number of candidates that were tried.
     nearest : the nearest one by finite elements; None if none was solved.
     missed : a row for each requirement that it misses: requirement, value, unit.
-    advices : a row for each requirement that alone could give, with the bound `to` with which a variant was found.
+    advices : a row for each requirement that could give, with the bound or choice `to` with which a variant was
+        found; rows with the same number `advice` belong together.
     """
 
     bounds: tuple[str, ...]
@@ -69,17 +63,18 @@ class Conflict:
     def rows(self) -> list[FlatRow]:
         """Return a row for each requirement that could give, or that the nearest candidate misses."""
         given = {row["requirement"] for row in self.advices}
-        others = ({**row, "gives": None, "gives_of_all": None, "to": None} for row in self.missed)
+        nothing = {"gives": None, "gives_of_all": None, "to": None, "advice": None}
+        others = ({**row, **nothing} for row in self.missed)
         return [*self.advices, *(row for row in others if row["requirement"] not in given)]
 
 
 def amount(name: str, value: float) -> str:
     """Return the bound of a requirement as a text with its unit.
 
-    >>> amount("largest_strain", 0.49), amount("resolution_z", 0.02), amount("force_z", 5.0)
-    ('49 %', '20 mN', '5 N')
+    >>> amount("largest_strain", 0.49), amount("resolution_z", 0.02), amount("force_z", 5.0), amount("samples", 16)
+    ('49 %', '20 mN', '5 N', '16')
     """
-    unit = LIMITS[name].metadata["unit"]
+    unit = LIMITS[name].metadata["unit"] if name in LIMITS else "1"
     if name in ("largest_strain", "drift_per_K", "hysteresis", "least_yield"):
         return f"{100 * value:.4g} %"
     if unit == "N" and abs(value) < 0.1:
@@ -140,106 +135,77 @@ def _hysteresis(needed: Requirements, catalogues: Catalogues) -> list[str]:
 def conflict_of(
     needed: Requirements,
     catalogues: Catalogues,
-    effort: Effort,
-    found: list[Found],
-    fem: FiniteElements,
+    found: Sequence[Found],
+    proof: Proof,
+    workers: int | None,
     progress: Progress,
 ) -> Conflict:
     """Return the nearest candidate, and what would have to give.
 
     found : pools of a search in which no candidate meets all requirements.
     """
+    singles, pairs = advice.could_give(needed, found)
+    names = [*advice.readings(needed, catalogues), *singles]
+    trials = [*advice.choices(needed), *(Trial(needed, (name,), start=tuple(found)) for name in names)]
     pool = min(found, key=lambda one: float(one.violation.min()))
     near = pool.candidates.take([int(pool.violation.argmin())])
-    progress(0.0, "the nearest candidate by finite elements")
-    (nearest,) = [None] if isinstance(near.variant(0), str) else solved_points(near, needed, fem)
-    advices: list[FlatRow] = []
-    for number, name in enumerate(_could_give(needed, found)[:ADVICES]):
-        progress(0.1 + 0.9 * number / ADVICES, f"how far would {name} have to give?")
-        advices += _advice(name, needed, catalogues, effort, fem)
+    nearest, advices = _tried(near, trials, needed, proof, workers, part_of(progress, 0.0, WITHOUT_PAIRS))
+    if not advices:
+        trials = [Trial(needed, pair, start=tuple(found)) for pair in pairs]
+        _, advices = _tried(None, trials, needed, proof, workers, part_of(progress, WITHOUT_PAIRS, 1.0))
     missed = nearest.margins if nearest else {}
     rows = [
-        _bound(needed, name) for name, value in missed.items() if not value >= 0 and name in (*AT_LEAST, *AT_MOST)
+        {"requirement": name, "value": needed.bound(name), "unit": LIMITS[name].metadata["unit"]}
+        for name, value in missed.items()
+        if not value >= 0 and name in (*AT_LEAST, *AT_MOST)
     ]
     return Conflict((), sum(one.rated for one in found), nearest, tuple(rows), tuple(advices))
 
 
-def _bound(needed: Requirements, name: str) -> FlatRow:
-    value = needed.printed_wall if name == "wall" else getattr(needed, name)
-    return {"requirement": name, "value": float(value), "unit": LIMITS[name].metadata["unit"]}
+def excluded(
+    needed: Requirements, bounds: tuple[str, ...], proof: Proof, workers: int | None, progress: Progress
+) -> Conflict:
+    """Return the conflict of bounds that no variant keeps, with the choices with which there is one."""
 
-
-def _could_give(needed: Requirements, found: list[Found]) -> list[str]:
-    """Return the requirements that the nearest candidates miss, those first that they miss least by themselves."""
-    missed: dict[str, float] = {}
-    for pool in found:
-        order = np.argsort(pool.violation)[:200]
-        order = order[pool.violation[order] < 50]
-        if not len(order):
-            continue
-        margins = Rating(needed).performance(pool.candidates.take(order)).margins
-        for name, values in margins.items():
-            others = np.sum([np.maximum(-other, 0.0) for key, other in margins.items() if key != name], axis=0)
-            if name in (*AT_LEAST, *AT_MOST) and (values < 0).any():
-                missed[name] = min(missed.get(name, math.inf), float((others + np.maximum(-values, 0.0)).min()))
-                missed[name] += 1e-3 * float(others.min())
-    # a resolution or a strain that is missed may also be bought by force, which no candidate misses
-    return list(dict.fromkeys([*sorted(missed, key=lambda name: missed[name]), "force_z"]))
-
-
-def _advice(
-    name: str, needed: Requirements, catalogues: Catalogues, effort: Effort, fem: FiniteElements
-) -> list[FlatRow]:
-    """Return how far a requirement would have to give, after a search with it; nothing if nothing is found."""
-    row = _bound(needed, name)
-    value = row["value"]
-    reached = demand(name, needed, catalogues, dataclasses.replace(LEAST_EFFORT, seed=effort.seed))
-    if not math.isfinite(reached):
-        return []
-    # how many times too strict the requirement is
-    gives = max(reached / value if name in AT_MOST else value / reached, 1.0) * (1 + SLACK)
-    for _ in range(AGAIN):
-        to = _rounded(value * gives if name in AT_MOST else value / gives, up=name in AT_MOST)
+    def possible(trial: Trial) -> bool:
         try:
-            loose = _with_bound(needed, name, to)
+            return not impossible(trial.needed, catalogues_of(trial.needed))
         except BadInput:
-            return []
-        again = searched(loose, catalogues, effort, first_met=True)
-        met = [pool for pool in again if (pool.violation == 0).any()]
-        if met:
-            (point,) = solved_points(met[0].candidates.take(met[0].front[:1]), loose, fem)
-            if point.status == "ok":
-                return [row | {"gives": abs(to - value), "gives_of_all": abs(to - value), "to": to}]
-        gives = (1 + FURTHER * (gives - 1)) * (1 + SLACK)
-    return []
+            return False  # no part fits
+
+    trials = [trial for trial in advice.choices(needed) if possible(trial)]
+    _, advices = _tried(None, trials, needed, proof, workers, progress)
+    return Conflict(bounds, advices=tuple(advices))
 
 
-def demand(name: str, needed: Requirements, catalogues: Catalogues, effort: Effort) -> float:
-    """Return the strictest bound of a requirement with which candidates meet all others; NaN if none meets them."""
-    loosest = needed
-    if name in AT_MOST:
-        # so that nothing, such as the range of D, rests on the bound that gives
-        most = 0.99 * getattr(needed, name.replace("resolution", "force")) if "resolution" in name else math.inf
-        loosest = _with_bound(needed, name, min(LIMITS[name].metadata["high"], most))
-    pools = searched(loosest, catalogues, effort, free=name)
-    missed = min(float(pool.F[pool.violation == 0, 0].min(initial=math.inf)) for pool in pools)
-    bound = _bound(loosest, name)["value"]
-    return bound * math.exp(missed if name in AT_MOST else -missed) if missed < NEVER else math.nan
+def _tried(
+    near: Candidates | None,
+    trials: Sequence[Trial],
+    needed: Requirements,
+    proof: Proof,
+    workers: int | None,
+    progress: Progress,
+) -> tuple[FrontPoint | None, list[FlatRow]]:
+    """Return a candidate by finite elements, and what the trials advise: choices first, then what gives least."""
+    tasks = [(trial, proof) for trial in trials]
+    if near is not None and not isinstance(near.variant(0), str):
+        tasks.append((Trial(needed, (), near=near), proof))
+    if not tasks:
+        return None, []
+    count = min(cores(), len(tasks)) if workers is None else workers
+    done = dict[tuple[str, ...], Any]()
 
+    def report(share: float, text: str) -> None:
+        # a change that helps takes several times one that does not, so that no time left is known
+        progress(share, text.partition(",")[0])
 
-def _with_bound(needed: Requirements, name: str, bound: float) -> Requirements:
-    changed: dict[str, Any] = {name: bound}
-    return dataclasses.replace(needed, **changed)
-
-
-def _rounded(value: float, *, up: bool) -> float:
-    """Return a value with three digits, rounded to the looser side.
-
-    >>> _rounded(13.141, up=True), _rounded(13.149, up=False)
-    (13.2, 13.1)
-    """
-    if not value > 0:
-        return 0.0
-    unit = 10.0 ** (math.floor(math.log10(value)) - 2)
-    turn = math.ceil if up else math.floor
-    return float(f"{turn(value / unit + (-1e-9 if up else 1e-9)) * unit:.3g}")
+    for each in finished(tasks, advice.tried, workers=count, cost=advice.cost, progress=report, words="changes"):
+        # a process that died says nothing of its change
+        done[each.task[0].changed] = each.answer or []
+    rows: list[FlatRow] = []
+    nearest = next(iter(done.pop((), [])), None)
+    found = [done[trial.changed] for trial in trials if done[trial.changed]]
+    found.sort(key=lambda one: max(0.0 if row["gives"] is None else row["gives"] / row["value"] for row in one))
+    for number, one in enumerate(found, 1):
+        rows += [{**row, "advice": number} for row in one]
+    return nearest, rows

@@ -147,7 +147,7 @@ def sensors_of_variant(variant: Variant, needed: Requirements) -> Sensors:
     known = three or d.chip.noise is not None
     noise = np.array([[each.noise_T if known and each.noise_T else np.nan for each in elements]])
     level = d.H - d.l0 + d.c
-    outline = plan(d, Base(shape=needed.outer_shape), needed.process)
+    outline = plan(d, needed.base, needed.process)
     mould, (_, _, height) = sizes(d, Mold(process=needed.process)), outer_size(d, outline)[0]
     wall = min(2 * mould.pin_radius, mould.wall, Base().seat_wall if outline.seats.posts else np.inf)
     names = ("L", "magnet_diameter", "magnet_height", "magnet_edge_radius")

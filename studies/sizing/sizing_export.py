@@ -41,15 +41,14 @@ def remove(folder: Path) -> None:
 
 def export(variant: Variant, requirements: Requirements, folder: Path, progress: Progress) -> FlatRow:
     """Write the design file, and solids, mould and recipe if they pass their checks."""
-    from geometry.base import Base
     from geometry.mold import Mold
     from studies.fabrication.sensor_parts import RECIPE, build
     from studies.fabrication.sensor_solids import FabricationChoices
     from studies.parts.catalogues import mix_named, mix_of
 
-    process, shape = requirements.process, requirements.outer_shape
+    process = requirements.process
     mix = mix_of(variant.silicone)
-    choices = FabricationChoices(Mold(process=process), Base(shape=shape), silicone=mix)
+    choices = FabricationChoices(Mold(process=process), requirements.base, silicone=mix)
     command = f"magtip cad {DESIGN} --out {PARTS}"
     if mix_named(None, variant.silicone.name) == mix:
         command += f" --silicone {shlex.quote(variant.silicone.name)}"
@@ -77,7 +76,8 @@ def write_design(variant: Variant, requirements: Requirements, folder: Path, ori
     fields = user_input.changed_fields(variant.design)
     lines = [*map(one_line, head), *toml({name: value for name, value in fields.items() if name not in unused})]
     lines += ["", "[fabrication]", *toml({"process": requirements.process})]
-    lines += [f"base = {{ shape = {literal(requirements.outer_shape)} }}", "", "[requirements]"]
+    screw = "" if requirements.screws else ", screw = 0"
+    lines += [f"base = {{ shape = {literal(requirements.outer_shape)}{screw} }}", "", "[requirements]"]
     rows = [row for row in requirements.rows() if row["state"] == "set"]
     lines += [f"{row['requirement']} = {literal(row['value'])}  # {row['unit']}" for row in rows]
     parts = front_yield.parts_of_variant(variant, requirements.process)

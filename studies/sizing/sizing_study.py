@@ -8,17 +8,23 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from fem.accuracy import Accuracy
+from fem.scene import Model
 from geometry.design import Design
+from geometry.loads import Load
 from geometry.messages import Progress
 from studies.calibration.sensor_fit import Fit
 from studies.cases import FiniteElements
 from studies.mechanics import store as stores
 from studies.mechanics.solve_plan import Processes
+from studies.mechanics.workers import clock_text
 from studies.output import page_templates
 from studies.output.atomic_files import write_json
 from studies.output.figures import picture
@@ -27,6 +33,7 @@ from studies.output.result import Block, Result, Table, Writer
 from studies.parts.catalogues import Catalogues, catalogues_of
 from studies.parts.requirements import Requirements
 from studies.sizing import conflicts, front_yield, sizing_figures
+from studies.sizing.advice import Proof
 from studies.sizing.conflicts import Conflict
 from studies.sizing.front_solves import (
     NAMED,
@@ -38,6 +45,9 @@ from studies.sizing.front_solves import (
 from studies.sizing.front_yield import Yield
 from studies.sizing.variant_search import Effort, part_of, searched, whole_front
 
+if TYPE_CHECKING:
+    import pandas as pd
+
 FILES = ("sizing.json", "front.csv", "yield.csv", "SIZING.md", "front.png", "run.json", "winner.toml")
 """Files that a sizing writes into its folder."""
 VERSION = 1
@@ -48,8 +58,22 @@ FRONT = (
     *("yield_percent", "worst_batch_percent", "score"),
 )
 """Columns of front.csv that the page shows."""
-SEARCHED, SOLVED = 0.35, 0.9
+SEARCHED, SOLVED = 0.15, 0.85
 """Shares of the progress at which the search, and the finite elements, end."""
+STAGES = {"presses": 0.7, "stability": 3.6, "modes": 0.2, "shears": 4.0, "worst loads": 20.0, "yield": 30.0}
+"""Costs of the stages after the search, s on one core, as measured on sensors of 10 to 25 mm; what counts is their
+ratio."""
+OF_POINTS = ("presses", "stability", "modes", "shears")
+"""Stages whose cost is that of each point of the front."""
+OF_QUANTITIES = {
+    ("force", "auto"): "presses",
+    ("critical_depth", "auto"): "stability",
+    ("modes", "auto"): "modes",
+    ("force", "harmonic"): "shears",
+}
+"""Stages by the first quantity and the model of which they ask finite elements."""
+WORST_CALLS, BASIS = 6, 0.1
+"""Calls of the worst loads, and share of the costs from which on they tell the time left."""
 ALTERNATIVES = 3
 """Number of other variants that are shown beside the best one."""
 OBJECTIVES = {
@@ -148,21 +172,22 @@ def run(requirements: Requirements, settings: Settings, progress: Progress) -> S
     """Search for variants, solve the front by finite elements, and return the result."""
     catalogues = catalogues_of(requirements)
     sizing = partial(Sizing, requirements, catalogues, settings)
-    if bounds := conflicts.impossible(requirements, catalogues):
-        return sizing(0, 0, [], None, Conflict(bounds))
+    workers = settings.processes.workers
     # a store that cannot be used is refused before the search
     with stores.opened(settings.store or stores.default()) as store:
+        proof = Proof(settings.effort, settings.accuracy, store.file)
+        if bounds := conflicts.impossible(requirements, catalogues):
+            return sizing(0, 0, [], None, conflicts.excluded(requirements, bounds, proof, workers, progress))
         found = searched(requirements, catalogues, settings.effort, part_of(progress, 0.0, SEARCHED))
         candidates = sum(pool.rated for pool in found)
         options = {"store": store, **dataclasses.asdict(settings.processes)}
-        report = _calls(progress, SEARCHED, SOLVED)
-        fem = FiniteElements(settings.accuracy, options | {"progress": report})
         if not any((pool.violation == 0).any() for pool in found):
-            quiet = FiniteElements(settings.accuracy, options)
             rest = part_of(progress, SEARCHED, 1.0)
-            conflict = conflicts.conflict_of(requirements, catalogues, settings.effort, found, quiet, rest)
+            conflict = conflicts.conflict_of(requirements, catalogues, found, proof, workers, rest)
             return sizing(candidates, 0, [], None, conflict)
         variants, _ = whole_front(found)
+        stages = _Stages(progress, min(len(variants), settings.points))
+        fem = _FrontElements(settings.accuracy, options | {"progress": stages})
         front = solved_front(variants, requirements, fem, most=settings.points, sensors=settings.sensors)
     made = None
     if front and front[0].status == "ok":
@@ -175,18 +200,48 @@ def run(requirements: Requirements, settings: Settings, progress: Progress) -> S
     return sizing(candidates, len(variants), front, made, None)
 
 
-def _calls(progress: Progress, low: float, high: float) -> Progress:
-    """Return the progress of a part of unknown many calls, each from 0 to 1: each takes a quarter of what is left."""
-    done, last = 0.0, 0.0
+class _Stages:
+    """Progress of the finite elements of a front by a plan of stages, with the time left once that has a basis."""
 
-    def report(share: float, text: str) -> None:
-        nonlocal done, last
-        if share < last:
-            done += (1 - done) / 4
-        last = share
-        progress(low + (high - low) * (done + (1 - done) / 4 * share), text)
+    def __init__(self, progress: Progress, points: int) -> None:
+        self.progress, self.now, self.calls, self.started = progress, "", 0, time.monotonic()
+        self.costs = {name: cost * (points if name in OF_POINTS else 1) for name, cost in STAGES.items()}
+        self.done = 0.0
 
-    return report
+    def begin(self, quantity: str, model: str) -> None:
+        """Begin to ask finite elements for a quantity; what is asked again is of the worst loads."""
+        stage = OF_QUANTITIES[quantity, model]
+        if stage not in self.costs:
+            stage = "worst loads"
+        if stage != self.now:
+            self.done += self.costs.pop(self.now, 0.0)
+            self.now, self.calls = stage, 0
+        self.calls += 1
+
+    def __call__(self, share: float, text: str) -> None:
+        """Report a share of a call; its own time left is not that of the whole."""
+        if text.startswith("0 of 0"):
+            return  # all is in the store
+        if self.now == "worst loads":
+            share = min((self.calls - 1 + share) / WORST_CALLS, 1.0)
+        done, total = self.done + share * self.costs[self.now], self.done + sum(self.costs.values())
+        left = ""
+        if done > BASIS * total:
+            seconds = (time.monotonic() - self.started) * (total / done - 1)
+            left = f", {clock_text(seconds)} left"
+        part = done / (total - self.costs["yield"])
+        self.progress(SEARCHED + (SOLVED - SEARCHED) * part, f"{self.now}: {text.partition(',')[0]}{left}")
+
+
+class _FrontElements(FiniteElements):
+    """Finite elements that report the stages of a front."""
+
+    def answers(
+        self, cases: Sequence[tuple[Design, Load]], quantities: Sequence[str], model: Model = "auto"
+    ) -> pd.DataFrame:
+        """Return the answers as `FiniteElements` does."""
+        self.options["progress"].begin(quantities[0], model)
+        return super().answers(cases, quantities, model)
 
 
 def record(sizing: Sizing, origin: str, command: str) -> FlatRow:

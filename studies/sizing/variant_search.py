@@ -14,9 +14,8 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import time
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -27,7 +26,6 @@ from geometry.arrays import Array, Ints
 from geometry.design import BadInput
 from geometry.messages import Progress
 from studies.mechanics import surrogate_range
-from studies.mechanics.workers import clock_text
 from studies.parts.catalogues import Catalogues
 from studies.parts.requirements import AT_LEAST, Requirements
 from studies.sizing.candidate_performance import LEAST, Performance, missed, performance
@@ -146,11 +144,12 @@ def dominated(F: Array, resolution: Array | float = 0.0) -> NDArray[np.bool_]:
 class Rating:
     """Rates candidates by the surrogate, and counts them and the reasons why others are impossible.
 
-    free : a requirement that is not held; the search then makes the logarithm of its miss small, not the objectives.
+    free : bounds that are not held, by their requirements; the search then makes small how far they are missed, as a
+        sum of logarithms, not the objectives.
     """
 
-    def __init__(self, needed: Requirements, free: str = "") -> None:
-        self.needed, self.free = needed, free
+    def __init__(self, needed: Requirements, free: Mapping[str, float] | None = None) -> None:
+        self.needed, self.free = needed, free or {}
         self.rated = 0
         self.refusals: Counter[str] = Counter()
 
@@ -176,48 +175,68 @@ class Rating:
             result = self.performance(part, np.inf if self.free else limit)
             F[at] = self.goals(result, part)
             # a share of a force must be reached like the whole
-            violation[at] = missed({n: v for n, v in result.margins.items() if n != self.free or n in FORCES})
+            violation[at] = missed({n: v for n, v in result.margins.items() if n not in self.free or n in FORCES})
         return F, violation
 
     def goals(self, result: Performance, candidates: Candidates) -> Array:
         """Return the objectives, shape (n, m)."""
         if not self.free:
             return objectives(dict(result.values), self.needed)
-        if self.free in FORCES:
-            return np.asarray(-np.log(candidates.share[:, [FORCES.index(self.free)]]))
-        way, margin = 1 if self.free in AT_LEAST else -1, result.margins[self.free]
-        with np.errstate(invalid="ignore", divide="ignore"):
-            ratio = np.log(np.where(margin > LEAST, 1 + way * margin, np.nan))
-        return np.asarray(np.nan_to_num(-way * ratio, nan=1e6, posinf=1e6)[:, None])
+        missed_by = [
+            value / bound if name not in AT_LEAST else bound / np.maximum(value, 1e-12)
+            for (name, bound), value in zip(self.free.items(), self.reached(result, candidates).values(), strict=True)
+        ]
+        logs = np.sum([np.maximum(np.log(each), 0.0) for each in missed_by], axis=0)
+        return np.asarray(np.nan_to_num(logs, nan=1e6, posinf=1e6)[:, None])
+
+    def reached(self, result: Performance, candidates: Candidates) -> dict[str, Array]:
+        """Return which bounds the candidates keep of those that are free, shape (n,); NaN where nothing is known."""
+        found = {}
+        for name in self.free:
+            bound = self.needed.bound(name)
+            if name in FORCES:
+                found[name] = bound * candidates.share[:, FORCES.index(name)]
+                continue
+            margin = result.margins[name]
+            found[name] = bound * np.where(margin > LEAST, 1 + (1 if name in AT_LEAST else -1) * margin, np.nan)
+        return found
 
     def _short(self, candidates: Candidates) -> Array:
-        """Return by how much lengths miss their bounds, relative to these, but for the free one."""
+        """Return by how much lengths miss their bounds, relative to these, but for free ones."""
         size, height, wall = candidates.sizes()
         needed, nothing = self.needed, np.zeros(len(candidates))
         shares = {"wall": needed.printed_wall / wall}
         shares |= {} if needed.outer_size is None else {"outer_size": size / needed.outer_size}
         shares |= {} if needed.height is None else {"height": height / needed.height}
-        excess = [share - 1 for name, share in shares.items() if name != self.free]
+        excess = [share - 1 for name, share in shares.items() if name not in self.free]
         return np.asarray(np.max([nothing, *excess], axis=0))
 
 
 def search(
-    space: Space, rating: Rating, effort: Effort, progress: Progress | None = None, *, first_met: bool = False
+    space: Space,
+    rating: Rating,
+    effort: Effort,
+    progress: Progress | None = None,
+    *,
+    first_met: bool = False,
+    start: Candidates | None = None,
 ) -> Found:
-    """Return the pool at the end of a search, or where the first candidate meets all requirements."""
-    random, started = np.random.default_rng(effort.seed), time.monotonic()
+    """Return the pool at the end of a search, or where the first candidate meets all requirements.
+
+    start : candidates with which it begins, in place of all combinations of parts.
+    """
+    random = np.random.default_rng(effort.seed)
     seen: set[bytes] = set()
-    count = max(4 * effort.population, math.prod(b - a for a, b in space.choices))
-    first = _new(first_candidates(space, count, effort.seed), seen)
+    count = max(4 * effort.population, 0 if start else math.prod(b - a for a, b in space.choices))
+    drawn = first_candidates(space, count, effort.seed)
+    first = _new(joined([start.of(space), drawn]) if start else drawn, seen)
     pool = _survivors(Found(first, *rating(first), len(first)), effort.population)
     for number in range(effort.generations):
         met = int((pool.violation == 0).sum())
         if (first_met and met) or (not met and number >= UNMET * effort.generations):
             return dataclasses.replace(pool, rated=len(seen))
         if progress is not None:
-            left = (time.monotonic() - started) * (effort.generations / max(number, 1) - 1)
-            time_left = f", {clock_text(left)} left" if number else ""
-            said = f"{len(seen)} candidates, {met} of the best meet all requirements{time_left}"
+            said = f"{len(seen)} candidates, {met} of the best meet all requirements"
             progress(number / effort.generations, said)
         children = _new(_varied(pool, effort.population, random), seen)
         pool = pool.with_rated(children, rating, effort.population)
@@ -265,13 +284,15 @@ def _survivors(pool: Found, count: int) -> Found:
     rest = np.setdiff1d(np.arange(len(pool.violation)), front)
     rest = rest[np.lexsort((pool.F[rest].sum(axis=1), pool.violation[rest]))]
     combination = np.unique(pool.candidates.choices, axis=0, return_inverse=True)[1].ravel()
+    # few combinations fill the pool with more of each
+    most = max(ALIKE, count // (combination.max() + 1))
     alike: Counter[int] = Counter()
     filled: list[int] = []
     for k in rest.tolist():
         if len(front) + len(filled) >= count:
             break
         alike[combination[k]] += 1
-        if alike[combination[k]] <= ALIKE:
+        if alike[combination[k]] <= most:
             filled.append(k)
     return pool.take(np.array([*front.tolist(), *filled], dtype=np.int64))
 
@@ -388,15 +409,17 @@ def searched(
     effort: Effort,
     progress: Progress | None = None,
     *,
-    free: str = "",
+    free: Mapping[str, float] | None = None,
     first_met: bool = False,
+    start: Sequence[Found] = (),
 ) -> list[Found]:
     """Return the pools of both kinds of Hall parts; of a free force (see `Rating`), candidates take a share.
 
     first_met : end with the first candidate that meets all requirements.
+    start : pools of an earlier search among the same parts, with whose candidates this one begins.
     """
     least = {"force_z": max(needed.least_press / needed.force_z, LEAST_SHARE), "force_x": LEAST_SHARE}
-    kinds = spaces(needed, catalogues, {FORCES.index(free): least[free]} if free in FORCES else None)
+    kinds = spaces(needed, catalogues, {FORCES.index(name): least[name] for name in free or () if name in FORCES})
     found: list[Found] = []
     ratings = [Rating(needed, free) for _ in kinds]
     for number, space in enumerate(kinds):
@@ -405,7 +428,8 @@ def searched(
         several = f"{part_used.count} 3-axis chips" if part_used.count > 1 else "3-axis chips"
         kind = "one-axis parts" if part_used.layout == "three" else several
         part = progress and part_of(progress, number / len(kinds), (number + 1) / len(kinds), f"{kind}: ")
-        found.append(search(space, ratings[number], effort, part, first_met=first_met))
+        begin = start[number].candidates if number < len(start) else None
+        found.append(search(space, ratings[number], effort, part, first_met=first_met, start=begin))
         if first_met and found[-1].violation.min() == 0:
             return found
     if not any(rating.rated for rating in ratings):
