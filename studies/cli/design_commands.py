@@ -238,8 +238,8 @@ def size(
 
     Magnets, Hall parts and silicones come from catalogues (see magtip catalogue). All points of the front are solved
     by finite elements; those that fail are not ranked. Exit status 3 if no variant meets all requirements: a message
-    then says what is impossible, or which candidate comes nearest, and which choices, bounds or pairs of bounds could give. After an
-    interruption the same command solves no state again.
+    then says what is impossible, or which candidate comes nearest, and which choices, bounds or pairs of bounds could
+    give. After an interruption the same command solves no state again.
 
     Parameters
     ----------
