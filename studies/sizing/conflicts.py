@@ -150,9 +150,10 @@ def conflict_of(
     pool = min(found, key=lambda one: float(one.violation.min()))
     near = pool.candidates.take([int(pool.violation.argmin())])
     nearest, advices = _tried(near, trials, needed, proof, workers, part_of(progress, 0.0, WITHOUT_PAIRS))
-    if not advices:
+    if all(row["gives"] is None for row in advices):
         trials = [Trial(needed, pair, start=tuple(found)) for pair in pairs]
-        _, advices = _tried(None, trials, needed, proof, workers, part_of(progress, WITHOUT_PAIRS, 1.0))
+        _, more = _tried(None, trials, needed, proof, workers, part_of(progress, WITHOUT_PAIRS, 1.0))
+        advices += [{**row, "advice": row["advice"] + len(advices)} for row in more]
     missed = nearest.margins if nearest else {}
     rows = [
         {"requirement": name, "value": needed.bound(name), "unit": LIMITS[name].metadata["unit"]}
