@@ -159,6 +159,28 @@ def test_a_prior_that_is_three_tolerances_off_is_named(simulated, name):
         assert f"contradict the priors of {name} by" in said[0]
 
 
+@pytest.mark.parametrize(
+    ("presses", "noise", "stiffer", "cause"),
+    [
+        (8, 1.0, 0.0, "what 8 rows leave open of"),
+        (40, 10.0, 0.0, "noise of the readings makes"),
+        (40, 1.0, 0.2, "the model is off: measured forces miss it by"),
+    ],
+)
+def test_a_model_that_is_worse_than_a_regression_says_why(simulated, presses, noise, stiffer, cause):
+    sensor, shift, _ = simulated
+    sensor, rng = dataclasses.replace(sensor, noise=noise * sensor.noise), np.random.default_rng(1)
+    rows = rows_of(sensor, sensor.unknowns.mean, shift[:presses], rng)
+    rows[:, :3] += (noise - 1) * READING_NOISE * rng.normal(size=(presses, 3))
+    # a beam that is stiffer on one side
+    rows[:, 5] *= 1 + stiffer * (shift[:presses, 0] > 0)
+    found = sensor_fit.fit_with_noise(sensor, rows, np.zeros(presses))
+    why, remedy = calibration_study.shortcoming(found, sensor, rows[:, 3:6], 90.0)
+    assert why.startswith(cause)
+    said = {"what": "press more often", "noise": "average more readings"}.get(why.split()[0], calibration_study.CHECK)
+    assert remedy == said
+
+
 def test_an_upside_down_magnet_is_named_and_shrunk_forces_are_not(simulated):
     sensor, shift, rng = simulated
     rows = rows_of(sensor, sensor.unknowns.mean, shift[:16], rng)

@@ -79,6 +79,9 @@ twenty unknowns in a tenth of the benches, and 3 hardly ever."""
 MOST_ROWS = 3000
 """Most rows of a calibration; of more, evenly spaced ones are taken. Beyond some hundred they teach hardly anything
 (see the learning curve), while time and memory grow in proportion."""
+HELD = 80.0
+"""Share of forces within their 90 % intervals, %, below which a model is off: two standard deviations of the share of
+twelve presses along three axes."""
 DOUBTED, CERTAIN = 3.0, 1000.0
 """Estimated over expected error of the forces from which such columns are sought, and how much better rows must fit
 with them so that a bench is refused."""
@@ -549,6 +552,7 @@ def _modelled(
     summary = _summary(table)
     if not doubtful and not odd and _failures(summary, ""):
         hint, _ = mistaken(sensor, measured[rows], warmer[rows], bench.readings)
+    cause, remedy = shortcoming(found, sensor, recorded.force, float(summary[0]["inside_percent"]))
     progress(0.95, "pictures")
     tables: dict[str, Rows] = {
         "unknowns": calibration_file.unknown_rows(found), "held_out": table, "learning": curve,
@@ -558,7 +562,7 @@ def _modelled(
     origin: FlatRow = {
         "mechanics": source, "lag_s": recorded.lag, "full_scale": full_scale, "noise_source": noise_source,
         "estimated": found.sensor.force_noise != sensor.force_noise, "hint": hint,
-        "check": " Else ".join([*recorded.copied, hint or CHECK]), "other": other,
+        "cause": "" if hint else cause, "check": " Else ".join([*recorded.copied, hint or remedy]), "other": other,
     }  # fmt: skip
     drawn = partial(figures, truth[rows], force[rows], curve)
     said = [*recorded.said, *odd]
@@ -608,17 +612,46 @@ def _warnings(found: Fit, tables: Mapping[str, Rows], outliers: Sequence[str], o
     return said
 
 
-def _failures(summary: Sequence[FlatRow], check: str) -> list[str]:
+def shortcoming(found: Fit, expected: Sensor, truth: Array, inside: float) -> tuple[str, str]:
+    """Return what the error of the model's forces comes from, in words, and what to do.
+
+    expected : sensor with the errors that forces (n, 3) were expected to have.
+    inside : share of held-out forces within their 90 % intervals, %.
+    """
+    if found.growth > 2:
+        return f"the model is off: its residuals are {math.sqrt(found.growth):.2g} times the stated errors", CHECK
+    own, usual = (float(np.median(sensor.force_errors(truth))) for sensor in (found.sensor, expected))
+    if own > DOUBTED * usual:
+        return f"the model is off: measured forces miss it by {own:.2g} N, where {usual:.2g} N were expected", CHECK
+    if not inside >= HELD:
+        return f"the model is off: its intervals hold {inside:.2g} % of the forces", CHECK
+    nothing, cold = np.zeros_like(found.covariance), np.zeros(len(found.shift))
+    both = calibrated_forces.intervals(found, [found.covariance, nothing], found.shift, cold)
+    whole, noise = (float(np.nanmean(np.square(half))) for half in both)
+    if noise > whole / 2:
+        share = f"{100 * noise / whole:.2g} %"
+        return f"noise of the readings makes {share} of the variance of its forces", "average more readings"
+    rows, count = len(found.shift), len(found.sensor.unknowns.free)
+    share = f"{100 * (1 - noise / whole):.2g} %"
+    few = f"what {rows} rows leave open of {count} unknowns makes {share} of the variance of its forces"
+    return few, "press more often"
+
+
+def _failures(summary: Sequence[FlatRow], check: str, why: str = "") -> list[str]:
     """Return why a calibration is of no use: most rows have no force, or a regression is much better.
 
     check : what is to be checked then, the most probable cause first.
+    why : what the error of the model comes from; "" if columns are wrong.
     """
     own, others = summary[0], [row["rmse_N"] for row in summary[1:] if math.isfinite(row["rmse_N"])]
     if not own["rows"] > 2 * own["lost"]:
         return [f"{own['lost']} of {own['rows']} held-out rows have no force: do not use this calibration; {check}"]
     if others and not own["rmse_N"] <= UNUSABLE * min(others):
         ratio = own["rmse_N"] / min(others)
-        return [f"a regression decodes these rows {ratio:.2g} times better: do not use this calibration; {check}"]
+        cause = f" ({why})" if why else ""
+        return [
+            f"a regression decodes these rows {ratio:.2g} times better{cause}: do not use this calibration; {check}"
+        ]
     return []
 
 
@@ -636,7 +669,7 @@ def _result(
     why = regression_study.why_model(summary[0], best, str(origin["other"]))
     failures = [
         f"{text}, or take the regression: {origin['other']}" if best else text
-        for text in _failures(summary, str(origin["check"]))
+        for text in _failures(summary, str(origin["check"]), str(origin["cause"]))
     ]
     if origin["hint"] and not failures:
         warnings.insert(0, origin["hint"])
