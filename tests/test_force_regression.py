@@ -22,13 +22,13 @@ from studies.calibration import (
     regression_study,
     sensor_fit,
 )
-from studies.calibration.simulated_bench import FORCE_NOISE, READING_NOISE
 from studies.firmware import regression_export
 from studies.firmware.decoder_export import STATUSES
 from studies.inputs.option_groups import Streaming
 from studies.parts.part_tolerances import tolerances
 from studies.streaming import live_stream
 from studies.validation import firmware_check
+from studies.validation.calibration_check import FORCE_NOISE, READING_NOISE
 
 NAMES = ["S1_V", "S2_V", "S3_V"]
 FORCES = ["Fx_N", "Fy_N", "Fz_N"]
