@@ -21,8 +21,9 @@ from geometry.arrays import Array
 from geometry.design import Design, paper
 from geometry.loads import Load, Response
 from geometry.messages import Progress
-from studies.calibration import calibrated_forces, calibration_study, force_regression, sensor_fit
+from studies.calibration import calibrated_forces, calibration_study, force_regression, regression_study, sensor_fit
 from studies.calibration.bench_file import Bench
+from studies.calibration.regression_study import Recorded
 from studies.calibration.sensor_fit import Sensor
 from studies.calibration.simulated_bench import STAND_COMPLIANCE, STAND_ZERO
 from studies.output.goals import Goal
@@ -190,6 +191,7 @@ def _judge(
         "force_share": found.sensor.force_share,
         "largest_N": float(np.abs(true).max()),
     }
+    score |= _judged_regression(base, rows, true)
     truth = truth_of(made, un, base)
     unknowns = [
         {"name": name, "true": truth[name], "value": v, "deviation": d, "inside": abs(v - truth[name]) <= 1.6449 * d}
@@ -197,6 +199,22 @@ def _judge(
         if name in truth
     ]
     return score, unknowns
+
+
+def _judged_regression(base: Design, rows: Array, true: Array) -> Row:
+    """Return how the regression of the first rows decodes those behind, within its range: beside true forces (n, 3),
+    and whether intervals hold the measured ones."""
+    bench = Bench(pd.DataFrame({"run": ["a"] * ROWS}), ("S1", "S2", "S3"), [])
+    recorded = Recorded(bench, rows[:ROWS], None, np.arange(ROWS), (), ())
+    found = regression_study.compared(base, recorded, FORCE_NOISE).found
+    words, force, half = found.decode(rows[MANY:, :3], np.full(len(true), np.nan))
+    known = np.array(words) == "ok"
+    inside = np.abs(force - rows[MANY:, 3:6]) <= half
+    return {
+        "regression_rmse_N": float(np.sqrt(np.square(force - true)[known].sum(axis=1).mean())),
+        "regression_inside_percent": 100 * float(inside[known].mean()),
+        "regression_out_of_range_percent": 100 * float(1 - known.mean()),
+    }
 
 
 def result(judged: Sequence[Row], unknowns: Sequence[Row], source: str, drawn: int, named: int) -> Result:
@@ -219,8 +237,9 @@ def result(judged: Sequence[Row], unknowns: Sequence[Row], source: str, drawn: i
     ]
     inside = float(frame.inside_percent.mean(skipna=False))
     told = [("forces", inside), ("all unknowns", 100 * float(each.inside.mean()))]
-    # of a few sensors the share of one unknown is chance
-    for name, share in [*told, *(shares.inside_percent.items() if n >= ENOUGH else ())]:
+    # of a few sensors the share of one unknown, or of regressions, is chance
+    by_regressions = ("forces by regressions", float(frame.regression_inside_percent.mean(skipna=False)))
+    for name, share in [*told, *([by_regressions, *shares.inside_percent.items()] if n >= ENOUGH else [])]:
         goals.append(Goal(f"90 % intervals of {name} that hold", share, LEAST, n, "%", at_least=True))
         goals.append(Goal(f"90 % intervals of {name} that hold (not too wide)", share, MOST, n, "%"))
     # sensors with right priors, and with wrong ones
