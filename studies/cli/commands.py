@@ -64,7 +64,7 @@ VERBS = {
 """Groups of verbs in the order of `--help`: modules of this package, and their functions that are verbs."""
 STUDIES = (
     *("verify", "friction", "extremes", "accuracy", "vibration", "crosscheck", "ladder", "range_", "claims"),
-    *("assumption", "bench", "trade", "calibration", "firmware", "surrogate"),
+    *("assumption", "bench", "trade", "search", "calibration", "firmware", "surrogate"),
 )
 """Studies of validation in the order of their list; those that are not named here follow."""
 

@@ -20,6 +20,7 @@ MODULES = {
     "vibration": "vibration_check",
     "calibration": "calibration_check",
     "firmware": "firmware_check",
+    "search": "random_sizing",
 }
 """Modules of studies that have other names."""
 INPUTS = ("store", "study", "states", "trained")
