@@ -12,13 +12,15 @@ from fem.accuracy import QUICK
 from fem.equilibrium import solve, trace
 from geometry.design import paper
 from geometry.loads import Load
+from studies.calibration import press_plan
 from studies.cases import FiniteElements
+from studies.inputs.user_input import read_design
 from studies.parts.catalogues import catalogues_of
-from studies.parts.part_tolerances import batches_of
-from studies.parts.requirements import Requirements
+from studies.parts.part_tolerances import batches_of, parse_tolerances
+from studies.parts.requirements import Requirements, stated_requirements
 from studies.sensitivity.beam_motions import motions
 from studies.sensitivity.made_sensors import nominal_sensor, share_with_error
-from studies.sizing import front_yield
+from studies.sizing import front_yield, sizing_export
 from studies.sizing.candidate_performance import FIGURES, LEAST, performance
 from studies.sizing.candidate_variables import Space, joined
 from studies.sizing.front_solves import (
@@ -361,6 +363,17 @@ def test_calibration_raises_the_yield():
     errors = calibrations["force_error_95_percent"]
     # a posterior is no exact knowledge, but a better one than two corrections
     assert 0.5 < errors["twelve presses"] < 0.5 * errors["offset and gain"]
+
+
+def test_a_bench_of_the_winner_promises_what_its_sizing_does(tmp_path):
+    sizing_export.write_design(MADE, NEEDED, tmp_path)
+    path = str(tmp_path / sizing_export.DESIGN)
+    design, stated = read_design(path), stated_requirements(path)
+    assert stated.loads(dense=True) == pytest.approx(NEEDED.loads(dense=True))
+    plan = press_plan.plan(design, parse_tolerances([], design, path), stated)
+    errors = front_yield.after_presses(MADE, NEEDED, None, press_plan.DRAWN, NEEDED.seed)
+    assert plan.error(plan.after) == pytest.approx(np.quantile(errors, 0.95, method="higher"), rel=1e-6)
+    assert plan.force[:, 2].max() == pytest.approx(NEEDED.force_z)
 
 
 def test_a_force_error_that_is_unknown_counts_as_the_largest():

@@ -25,6 +25,7 @@ from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from studies.calibration import calibrated_forces, calibration_study, sensor_fit
 from studies.calibration.bench_file import FEWEST, FORCES, Bench
+from studies.calibration.regression_study import ASSUMED_NOISE
 from studies.calibration.sensor_fit import Fit, Sensor
 from studies.parts.part_tolerances import Tolerances
 from studies.parts.requirements import Requirements
@@ -36,8 +37,6 @@ PRESSES = 12
 """Number of presses of a plan: beyond a dozen errors fall by little (learning curve of `magtip calibrate`)."""
 MOST_PRESSES = 48
 """Largest number of presses of a plan: more than these few loads have, none of which is repeated."""
-FORCE_SENSOR = 0.005
-"""Error of the test stand's force over the largest one, standard deviation: the default of `magtip calibrate`."""
 SHARES = (1.0, 0.75, 0.5, 0.25)
 """Shares of D/8 of which the first one is taken that the mechanics reach."""
 SLIPPERY = 2.0
@@ -182,7 +181,7 @@ def plan(
     made : tolerances of the sensor.
     needed : its requirements; None for usual loads.
     responses : states of finite elements, for the mechanics in place of the surrogate.
-    force_noise : standard deviation of a measured force, N; default: FORCE_SENSOR of the largest one.
+    force_noise : standard deviation of a measured force, N; default: ASSUMED_NOISE of the largest one.
 
     Raises
     ------
@@ -195,7 +194,7 @@ def plan(
     words = "the table [requirements] of the design"
     if needed is None:
         needed, words = usual_loads(sensor)
-    sensor = dataclasses.replace(sensor, force_noise=force_noise or FORCE_SENSOR * needed.force_z)
+    sensor = dataclasses.replace(sensor, force_noise=force_noise or ASSUMED_NOISE * needed.force_z)
     return plan_of(sensor, needed, count=count, sources=(words, source))
 
 
@@ -204,11 +203,7 @@ def plan_of(
 ) -> Plan:
     """Return the presses that tell most about a sensor, within the loads of requirements; see `plan`."""
     before = calibrated_forces.planned(sensor, np.zeros((0, 3)))
-    loads = needed.loads(dense=True)
-    pure = loads[loads[:, 1] == 0, 0]
-    pure = np.linspace(pure[0], pure[-1], max(len(pure), min(count, MOST_PRESSES)))
-    loads = np.vstack([np.column_stack([pure, 0 * pure]), loads[loads[:, 1] > 0]])
-    shift, force, angle = calibrated_forces.poses_under(before, loads)
+    shift, force, angle = calibrated_forces.poses_under(before, loads_of(needed, count))
     known = np.isfinite(shift).all(axis=1)
     lost = 1 - float(known.mean())
     most = min(int(known.sum()), MOST_PRESSES)
@@ -230,6 +225,14 @@ def plan_of(
     order = sorted(chosen, key=lambda k: (np.nan_to_num(angle[k], nan=-1.0), round(force[k, 2], 9), aside[k]))
     load = force_and_load(sensor.mechanics, np.ascontiguousarray(shift[order].T), contact=False)[1].T + 0.0
     return Plan(sensor, needed, *sources, force[order], load, angle[order], shift, before, found, lost)
+
+
+def loads_of(needed: Requirements, count: int = PRESSES) -> Array:
+    """Return normal forces and forces along the plate (n, 2), N, all over the required ones, for `count` presses."""
+    loads = needed.loads(dense=True)
+    pure = loads[loads[:, 1] == 0, 0]
+    pure = np.linspace(pure[0], pure[-1], max(len(pure), min(count, MOST_PRESSES)))
+    return np.vstack([np.column_stack([pure, 0 * pure]), loads[loads[:, 1] > 0]])
 
 
 def usual_loads(sensor: Sensor) -> tuple[Requirements, str]:

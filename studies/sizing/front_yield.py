@@ -25,12 +25,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analytic import parts
 from geometry.arrays import Array, Ints
 from geometry.design import BadInput, Design
 from geometry.loads import ANSWERED, Load
-from studies.calibration import calibrated_forces, calibration_study, sensor_fit
-from studies.calibration.bench_file import Bench
+from studies.calibration import calibrated_forces, press_plan
+from studies.calibration.regression_study import ASSUMED_NOISE
 from studies.calibration.sensor_fit import Fit, Sensor
 from studies.output import page_templates
 from studies.output.records import FlatRow
@@ -65,8 +64,6 @@ CALIBRATIONS = {
     "full": "",
 }
 """Calibrations of each sensor by itself, and the force errors that remain; a full one leaves none but the noise."""
-FORCE_SENSOR = 0.005
-"""Error of the test stand's force over the largest one, standard deviation: the default of `magtip calibrate`."""
 CHECKED = 30
 """Number of drawn sensors that finite elements solve."""
 MAGNET_DIGITS = 2
@@ -267,7 +264,7 @@ def yield_of(
     load = required_load(variant.design, requirements)
     calibrations = check = pd.DataFrame()
     if load is not None:
-        presses = after_presses(variant, load, requirements, calibration, len(sensors), seed)
+        presses = after_presses(variant, requirements, calibration, len(sensors), seed)
         calibrations = _calibrations(sensors, load, requirements, made.met, made.batch, presses)
         check = check_of(sensors, load, count, **solves) if solves else check
     if calibration is not None and not calibrations.empty:
@@ -375,43 +372,33 @@ def _calibrations(
 
 
 def after_presses(
-    variant: Variant, load: Press, requirements: Requirements, calibration: Fit | None, count: int, seed: int
+    variant: Variant, requirements: Requirements, calibration: Fit | None, count: int, seed: int
 ) -> Array:
     """Return the largest force error of sensors after `magtip calibrate` over the required range (count,); or NaN.
 
-    Each has twelve presses, of which nine also shear, on a stand with the error FORCE_SENSOR. Its errors are drawn
-    from what these leave uncertain of a sensor with the parts of the catalogue, linearised at the typical one, or
-    from the posterior of a calibration that was made of this design.
+    Each has the twelve presses that `magtip bench` plans, on a stand with the error of its force sensor. Its errors
+    are drawn from what these leave uncertain of a sensor with the parts of the catalogue, linearised at the typical
+    one, or from the posterior of a calibration that was made of this design.
     """
+    unknown = np.full(count, np.nan)
     try:
-        sensor = calibration.sensor if calibration is not None else stand(variant, requirements)
+        if calibration is None:
+            plan = press_plan.plan_of(stand(variant, requirements), requirements)
+            found, reached, lost = plan.after, plan.reached, plan.lost > 0
+        else:
+            found, loads = calibration, press_plan.loads_of(requirements)
+            reached, _, _ = calibrated_forces.poses_under(found, loads)
+            lost = not np.isfinite(reached).all()
     except BadInput:
-        return np.full(count, np.nan)
-    span = np.array([requirements.force_x or 0.0] * 2 + [requirements.force_z])
-    share, turn = np.repeat([1 / 3, 2 / 3, 1.0], 4), np.tile([0.0, 0.0, 2 * np.pi / 3, 4 * np.pi / 3], 3)
-    aside = share * load.shear * np.tile([0.0, 1.0, 1.0, 1.0], 3)
-    at = np.stack([share * load.depth, aside * np.cos(turn), aside * np.sin(turn)], axis=1)
-    shift, _, _ = calibrated_forces.poses_of(sensor, at)
+        return unknown
     # the errors of a load whose pose is unknown may be the largest
-    if not np.isfinite(shift).all():
-        return np.full(count, np.nan)
-    found = calibrated_forces.planned(sensor, shift) if calibration is None else calibration
-    errors = calibrated_forces.force_errors(found, shift, count, np.random.default_rng(seed))
-    required = span > 0
-    return np.asarray((np.abs(errors).max(axis=1)[:, required] / span[required]).max(axis=1))
+    return unknown if lost else press_plan.largest_errors(found, reached, requirements, count, seed)
 
 
 def stand(variant: Variant, requirements: Requirements) -> Sensor:
     """Return a variant on a test stand, with priors from the ranges and tolerances of the catalogue."""
-    import pandas as pd
-
-    design = variant.design
-    names = tuple(parts.columns(parts.of_design(design)))
-    law, _, error = calibration_study.mechanics_of(design, None)
-    noise, _ = calibration_study.noise_of(design)
-    made = tolerances_of(design, parts_of_variant(variant, requirements.process))
-    un = sensor_fit.unknowns_of(design, Bench(pd.DataFrame({"run": []}), names, []), made, model_error=error)
-    return Sensor(design, law, un, noise, FORCE_SENSOR * requirements.force_z)
+    made = tolerances_of(variant.design, parts_of_variant(variant, requirements.process))
+    return press_plan.sensor_of(variant.design, made, force_noise=ASSUMED_NOISE * requirements.force_z)[0]
 
 
 def check_of(sensors: MadeSensors, load: Press, count: int, *, model: str = "fem", **solves: Any) -> pd.DataFrame:
