@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import math
+import re
 import shutil
 from pathlib import Path
 
@@ -29,7 +30,7 @@ from studies.firmware.decoder_export import STATUSES
 from studies.inputs.option_groups import Pose, Reading, Streaming
 from studies.inputs.user_input import design_text
 from studies.parts.part_tolerances import tolerances
-from studies.parts.requirements import Requirements
+from studies.parts.requirements import Requirements, stated_requirements
 from studies.sensitivity.made_sensors import made_sensors
 from studies.streaming import live_stream, ros2_package
 from studies.validation import calibration_check, firmware_check
@@ -222,7 +223,7 @@ def test_held_out_runs_are_not_trained_on(simulated):
         assert set(run[train]).isdisjoint(run[test])
         assert sorted([*train, *test]) == list(range(2, 40))
     _, _, force = calibration_study.held_out(
-        sensor, rows, np.zeros(40), made, np.flatnonzero(run != "c"), lambda *_: None
+        sensor, rows, np.zeros(40), made, np.flatnonzero(run != "c"), 9.0, lambda *_: None
     )
     assert force[run == "a", 2] == pytest.approx(2 * rows[run == "a", 5], rel=0.2)
     assert force[run == "b", 2] == pytest.approx(rows[run == "b", 5] / 2, rel=0.2)
@@ -266,10 +267,10 @@ def test_forces_are_within_their_intervals_after_twelve_presses(bench, calibrati
     assert np.square(worse).sum() > 9 * np.square(off).sum()
 
 
-def test_calibrate_writes_what_decode_reads(bench, run, tmp_path):
+def test_calibrate_writes_what_decode_reads(bench, run, toml, tmp_path):
     table, files = bench
-    out = tmp_path / "out"
-    status, text, err = run("calibrate", "paper", *files, "--out", out, "--json")
+    out, needed = tmp_path / "out", toml("[requirements]\nforce_z = 6\nforce_x = 0.5\n")
+    status, text, err = run("calibrate", needed, *files, "--out", out, "--json")
     assert status == 0, err
     assert "row 13 of run2 is left out, because S1 lies at a rail of its element" in err
     record = json.loads(text)
@@ -280,7 +281,16 @@ def test_calibrate_writes_what_decode_reads(bench, run, tmp_path):
     # the mechanics miss a depth by some 10 um
     assert abs(names["stand_zero"]["value"] - simulated_bench.STAND_ZERO) < 0.1 * sensor_fit.STAND_ZERO
     assert {path.name for path in out.iterdir()} >= {*calibration_study.FILES, "run.json"}
-    assert "the next press that helps most" in (out / "CALIBRATION.md").read_text("utf-8")
+    # percentages and the next press are those of the required loads, though the bench went to 9 N
+    own = record["held_out"][0]
+    assert (record["full_scale_N"], own["rmse_percent"]) == (6.0, pytest.approx(100 * own["rmse_N"] / 6))
+    page = (out / "CALIBRATION.md").read_text("utf-8")
+    assert "`rmse_percent` over the required press, 6 N." in page
+    told = re.search(r"next press that helps most within the required loads: (\S+) N with \((\S+), (\S+)\) N", page)
+    z, x, y = map(float, told.groups())
+    assert 0 < z <= 6.001
+    assert math.hypot(x, y) < 0.51
+    assert stated_requirements(str(out / "design.toml")) == Requirements(force_z=6.0, force_x=0.5)
     readings = ",".join(map(repr, table.iloc[7, :3].tolist()))
     status, text, err = run(
         "decode", "paper", "--calibration", out / "calibration.json", "--readings", readings, "--json"
@@ -300,6 +310,15 @@ def test_calibrate_writes_what_decode_reads(bench, run, tmp_path):
     assert status == 0, err
     assert float(other.splitlines()[1].split(",")[4]) == pytest.approx(float(text.splitlines()[1].split(",")[8]))
     assert run("solve", out / "design.toml", "--depth", "0.5", "--accuracy", "quick")[0] == 0
+
+
+@pytest.mark.parametrize("verb", [["calibrate", "bench.csv"], ["firmware", "--out", "o"], ["bench"]])
+def test_requirements_that_cannot_be_read_are_refused(verb, refusal, toml, tmp_path):
+    name, *rest = verb
+    assert "sensor.toml: requirements: force_z must be" in refusal(
+        name, toml("[requirements]\nforce_z = 'much'\n"), *rest
+    )
+    assert not (tmp_path / "o").exists()
 
 
 @pytest.fixture(scope="module")

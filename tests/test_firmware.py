@@ -18,6 +18,7 @@ from studies.cli import main
 from studies.firmware import decoder_export
 from studies.firmware.decoder_export import STATUSES
 from studies.output.goals import missed
+from studies.parts.requirements import Requirements
 from studies.sensing import decode_readings
 from studies.validation import firmware_check
 
@@ -346,6 +347,17 @@ def test_sketches_compile_and_the_self_test_agrees(firmware, chip, layout, name,
     assert printed.startswith("wrong statuses: 0,")
     differences = printed.replace(",", "").split()
     assert max(float(differences[5]), float(differences[7])) < 5e-3
+
+
+def test_errors_are_those_of_the_required_loads_in_percent_of_their_press():
+    needed = Requirements(force_z=6.0, force_x=0.5)
+    plain, made = (decoder_export.prepare(Design(), None, None, "16k", needed=each) for each in (None, needed))
+    assert plain.scale == (plain.errors[1], plain.errors[2], "the largest force of the workspace")
+    error, full, words = made.scale
+    assert (full, words, made.percent) == (6.0, "the required press", pytest.approx(100 * error / 6))
+    assert 0 < error < made.errors[1]
+    header = decoder_export.header(made, "magtip firmware")
+    assert f"at most: {made.percent:.2g} % of\n * the required press (6 N)" in header
 
 
 def test_verb(tmp_path, capsys):

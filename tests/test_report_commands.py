@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
+from fem.accuracy import QUICK
 from geometry.design import Design
 from geometry.loads import Load
 from studies.web import folder_contents, page_content, report_sections
@@ -155,6 +156,19 @@ def test_the_state_in_3d_is_one_of_the_study(tmp_path):
     (tmp_path / "sweep.csv").write_text(head + "\n".join([*rows, "8,9,0.3,0,,1,ok"]) + "\n")
     (contents,) = folder_contents.read(tmp_path)
     assert report_sections.state_of(contents) == (Design(D=8, L=9, E=2), Load(depth=0.3))
+
+
+def test_a_winner_is_shown_under_its_required_load(tmp_path, monkeypatch):
+    (tmp_path / "winner.toml").write_text("E = 0.8\n[requirements]\nforce_z = 1\nforce_x = 0.2\n")
+    (tmp_path / "other.toml").write_text("[requirements]\nforce_z = 'much'\n")
+    contents = folder_contents.read(tmp_path)[0]
+    assert contents.unread == ["other.toml was not read: " + contents.unread[0].partition("read: ")[2]]
+    design, load = report_sections.state_of(contents)
+    assert (design.E, load.force, load.shear_force) == (0.8, 1.0, (0.2, 0.0))
+    monkeypatch.setattr("fem.accuracy.STANDARD", QUICK)
+    caption = report_sections.solved_surface(design, load)["caption"]
+    assert "the required load, a press of 1 N and 0.2 N along the plate" in caption
+    assert "force 0.2 N along the shear and 1 N in compression" in caption
 
 
 def test_a_study_without_a_load_has_a_design_only():

@@ -39,6 +39,7 @@ from studies.output.atomic_files import write_text
 from studies.output.figures import Figure, Guide, Look, plot, save
 from studies.output.result import Result, Rows, Table
 from studies.parts.part_tolerances import Tolerances
+from studies.parts.requirements import LIGHTEST, Requirements, design_table, full_scale
 from studies.sensing.decode_readings import of_file
 
 if TYPE_CHECKING:
@@ -176,7 +177,7 @@ def _delayed(bench: Bench, values: Array, lag: float) -> Array:
 # Held-out runs
 
 
-def _score(force: Array, truth: Array, full_scale: float) -> FlatRow:
+def _score(force: Array, truth: Array, full: float) -> FlatRow:
     """Return the errors of forces (n, 3) over the measured components; rows without a force are `lost`."""
     off = np.where(np.isfinite(truth), force - truth, 0.0)
     size = np.linalg.norm(off, axis=1)
@@ -188,20 +189,20 @@ def _score(force: Array, truth: Array, full_scale: float) -> FlatRow:
         "lost": int((~known).sum()),
         "rmse_N": rmse,
         "worst_N": worst,
-        "rmse_percent": 100 * rmse / full_scale,
+        "rmse_percent": 100 * rmse / full,
     }
 
 
 def held_out(
-    sensor: Sensor, measured: Array, warmer: Array, bench: Bench, rows: Ints, progress: Progress
+    sensor: Sensor, measured: Array, warmer: Array, bench: Bench, rows: Ints, full: float, progress: Progress
 ) -> tuple[list[FlatRow], list[FlatRow], Array]:
     """Return errors on held-out rows, the learning curve, and the force (n, 3) that each row's fold gives.
 
-    The learning curve has the errors of sensors and regressions from fewer training rows, drawn with a seed.
+    The learning curve has the errors of sensors and regressions from fewer training rows, drawn with a seed. Errors
+    in percent are those of the force `full`, N.
     """
     k = len(sensor.noise)
     readings, truth = measured[:, :k], measured[:, k : k + 3]
-    full_scale = float(np.nanmax(np.abs(truth)))
     table: list[FlatRow] = []
     curve: list[FlatRow] = []
     force = np.full_like(truth, np.nan)
@@ -220,7 +221,7 @@ def held_out(
             ]
             for method, answer in zip(METHODS, answers, strict=True):
                 score: FlatRow = {"method": method, "held_out": name}
-                score |= _score(answer, truth[test], full_scale)
+                score |= _score(answer, truth[test], full)
                 # parts differ by a row or so
                 curve.append(score | {"training_rows": whole if size == len(train) else size})
                 if size == len(train):
@@ -430,19 +431,30 @@ def _columns_of_elements(names: Sequence[str]) -> Iterator[tuple[str, Ints, Arra
             yield f"the readings {', '.join(names)} stand in the columns {', '.join(held)}", order, signs
 
 
-def advice(found: Fit) -> str:
-    """Return which next press would help most, in words."""
-    low, high = workspace(found.sensor.design, found.sensor.mechanics)
-    side, deep = 0.8 * high[0], 0.9 * low[2]
-    grid = [[0.0, 0.0, w] for w in (deep / 4, deep / 2, deep)]
-    grid += [[side * x, side * y, w] for w in (deep / 2, deep) for x, y in ((1, 0), (-1, 0), (0, 1), (0, -1))]
-    candidates = np.array(grid)
+def advice(found: Fit, needed: Requirements | None = None) -> str:
+    """Return which next press would help most, in words: within the required loads, if there are any."""
+    within = ""
+    if needed is not None:
+        candidates, _, _ = calibrated_forces.poses_under(found, needed.loads(dense=True))
+        candidates = candidates[np.isfinite(candidates).all(axis=1)]
+        if not len(candidates):
+            return (
+                f"no next press is advised, since the mechanics of this calibration reach no required load, such as "
+                f"{LIGHTEST * needed.force_z:.3g} N"
+            )
+        within = " within the required loads"
+    else:
+        low, high = workspace(found.sensor.design, found.sensor.mechanics)
+        side, deep = 0.8 * high[0], 0.9 * low[2]
+        grid = [[0.0, 0.0, w] for w in (deep / 4, deep / 2, deep)]
+        grid += [[side * x, side * y, w] for w in (deep / 2, deep) for x, y in ((1, 0), (-1, 0), (0, 1), (0, -1))]
+        candidates = np.array(grid)
     best, now, after = calibrated_forces.next_press(found, candidates, candidates)
     at = found.sensor.predict(found.theta, candidates[[best]], np.zeros(1))[0, len(found.sensor.noise) :]
-    x, y, z = at[:3]
+    x, y, z = at[:3] + 0.0
     return (
-        f"the next press that helps most: {z:.3g} N with ({x:.2g}, {y:.2g}) N along (x, y); it lowers the standard "
-        f"deviation of decoded forces from {1e3 * now:.3g} to {1e3 * after:.3g} mN"
+        f"the next press that helps most{within}: {z:.3g} N with ({x:.2g}, {y:.2g}) N along (x, y); it lowers the "
+        f"standard deviation of decoded forces from {1e3 * now:.3g} to {1e3 * after:.3g} mN"
     )
 
 
@@ -452,6 +464,7 @@ def advice(found: Fit) -> str:
 def run(
     design: Design,
     made: Tolerances,
+    needed: Requirements | None,
     files: Sequence[Path],
     options: Calibrating,
     command: str,
@@ -460,10 +473,8 @@ def run(
     """Calibrate a sensor from files that a test stand recorded, by its model or by a regression.
 
     made : tolerances of the sensor, from which the priors follow.
+    needed : its requirements, within which the next press lies, and of which errors are percentages; None: all loads.
     command : command line of the study, for the one of the other decoder.
-
-
-    made : tolerances of the sensor, from which the priors follow.
 
     Raises
     ------
@@ -478,7 +489,7 @@ def run(
     fixed = pairs("--fix", options.fix or [], "remanence=1")
     values = {name: parse_numbers(f"--fix {name}", text)[0] for name, text in fixed.items()}
     bench = bench_file.read(files, design, pairs("--column", options.columns or [], "S1=X0"), options.force_sign)
-    recorded = rows_of(design, bench)
+    recorded = dataclasses.replace(rows_of(design, bench), needed=needed)
     if options.decoder == "model":
         return _modelled(design, recorded, options, (made, values), f"{command} --decoder regression", progress)
     compared = regression_study.compared(design, recorded, options.force_noise)
@@ -528,8 +539,9 @@ def _modelled(
     noise, noise_source = noise_of(design)
     k = len(noise)
     truth = measured[:, k : k + 3]
-    full_scale = float(np.nanmax(np.abs(truth)))
-    sensor = Sensor(design, law, un, noise, force_noise or ASSUMED_NOISE * full_scale)
+    largest = float(np.nanmax(np.abs(truth)))
+    full, of_what = full_scale(recorded.needed, largest, "the largest component of all forces")
+    sensor = Sensor(design, law, un, noise, force_noise or ASSUMED_NOISE * largest)
     warmer = sensor_fit.warmer_of(sensor, bench)
     progress(0.1, f"{len(rows)} rows")
     fit = partial(sensor_fit.fit if force_noise else sensor_fit.fit_with_noise, sensor)
@@ -546,7 +558,7 @@ def _modelled(
                 f"{check}"
             )
     try:
-        table, curve, force = held_out(found.sensor, measured, warmer, bench, rows, progress)
+        table, curve, force = held_out(found.sensor, measured, warmer, bench, rows, full, progress)
     except BadInput as error:
         raise BadInput(f"no sensor of this design has these rows ({error}): {check}") from None
     summary = _summary(table)
@@ -560,7 +572,8 @@ def _modelled(
         "decoders": regression_study.decoders(recorded, force, summary[0]),
     }  # fmt: skip
     origin: FlatRow = {
-        "mechanics": source, "lag_s": recorded.lag, "full_scale": full_scale, "noise_source": noise_source,
+        "mechanics": source, "lag_s": recorded.lag, "full_scale": full, "of_what": of_what,
+        "noise_source": noise_source,
         "estimated": found.sensor.force_noise != sensor.force_noise, "hint": hint,
         "cause": "" if hint else cause, "check": " Else ".join([*recorded.copied, hint or remedy]), "other": other,
     }  # fmt: skip
@@ -571,7 +584,7 @@ def _modelled(
             "the readings are less exact than the forces, so their residuals do not tell the error of the forces: "
             f"{sensor.force_noise:.3g} N is assumed; state it by --force-noise"
         )
-    return _result(found, bench, tables, origin, said, drawn)
+    return _result(found, bench, tables, origin, said, drawn, recorded.needed)
 
 
 def noise_of(design: Design) -> tuple[Array, str]:
@@ -662,9 +675,10 @@ def _result(
     origin: FlatRow,
     outliers: Sequence[str],
     drawn: Callable[[], list[Figure]],
+    needed: Requirements | None,
 ) -> Result:
     sensor, design, summary = found.sensor, found.sensor.design, _summary(tables["held_out"])
-    said, warnings = [*sentences(found), advice(found)], _warnings(found, tables, outliers, summary[0])
+    said, warnings = [*sentences(found), advice(found, needed)], _warnings(found, tables, outliers, summary[0])
     best = regression_study.best_of(tables["decoders"][1:])
     why = regression_study.why_model(summary[0], best, str(origin["other"]))
     failures = [
@@ -677,7 +691,7 @@ def _result(
         "decoder": "model", "rows": len(found.shift), "runs": len(bench.runs), "mechanics": origin["mechanics"],
         "lag_s": origin["lag_s"], "chi2": found.chi2, "freedom": found.freedom, "growth": found.growth,
         "unknowns": tables["unknowns"], "held_out": tables["held_out"], "decoders": tables["decoders"],
-        "sentences": said,
+        "sentences": said, "full_scale_N": origin["full_scale"],
     }  # fmt: skip
     page = page_templates.rendered(
         Path(__file__).with_name("CALIBRATION.md.j2"),
@@ -701,12 +715,13 @@ def _result(
             Table(title="Columns", rows=bench.understood),
             Table(title="Unknowns", rows=tables["unknowns"]),
             Table(title="Held-out rows", rows=summary),
+            f"Errors in percent are those of {origin['of_what']}, {origin['full_scale']:.4g} N.",
             *(f"{each[0].upper()}{each[1:]}." for each in said),
         ],
         tables=tables,
         files={
             "calibration.json": partial(write_text, text=text),
-            "design.toml": partial(write_text, text=design_text(found.design)),
+            "design.toml": partial(write_text, text=design_text(found.design) + design_table(needed)),
             "calibration.png": lambda path: save(path, drawn()),
         },
         pages={"CALIBRATION.md": page},

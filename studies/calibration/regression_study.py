@@ -25,6 +25,7 @@ from studies.output import page_templates
 from studies.output.atomic_files import write_text
 from studies.output.figures import Figure, save
 from studies.output.result import Result, Rows, Table
+from studies.parts.requirements import Requirements, design_table
 
 if TYPE_CHECKING:
     from studies.output.records import FlatRow
@@ -47,6 +48,7 @@ class Recorded:
     lag : of the forces behind the readings, s; None where it is not known.
     rows : numbers of the rows with all readings within the rails of their elements, and a force.
     said, copied : sentences on rows that do not count, or repeat another one; the latter alone.
+    needed : requirements of the sensor; None without any.
     """
 
     bench: Bench
@@ -55,6 +57,7 @@ class Recorded:
     rows: Ints
     said: Sequence[str]
     copied: Sequence[str]
+    needed: Requirements | None = None
 
     @property
     def readings(self) -> Array:
@@ -291,7 +294,7 @@ def result(
         tables={"decoders": table, "columns": bench.understood},
         files={
             "calibration.json": partial(write_text, text=text),
-            "design.toml": partial(write_text, text=design_text(design)),
+            "design.toml": partial(write_text, text=design_text(design) + design_table(recorded.needed)),
             "calibration.png": lambda path: save(path, drawn()),
         },
         pages={"CALIBRATION.md": page},

@@ -154,13 +154,15 @@ def calibrate(
     """
     from studies.calibration import calibration_study, magnet_scan
     from studies.parts.part_tolerances import parse_tolerances
+    from studies.parts.requirements import stated_requirements
 
     names = magnet_scan.FILES if options.scan else calibration_study.FILES
     here = call.here(names, [*bench, options.responses])
     design = call.design()
     if not options.scan:
         made = parse_tolerances(options.tolerances or [], design, call.source)
-        return publish(partial(calibration_study.run, design, made, bench, options, call.command), here)
+        needed = stated_requirements(call.source)
+        return publish(partial(calibration_study.run, design, made, needed, bench, options, call.command), here)
     if len(bench) > 1 or options != option_groups.Calibrating(scan=True):
         raise BadInput("--scan takes one file and no options of presses: leave the others out")
     return publish(partial(magnet_scan.run, design, bench[0]), here)
@@ -312,6 +314,7 @@ def firmware(
     from studies.calibration import calibration_file
     from studies.firmware import decoder_export, regression_export
     from studies.parts.part_tolerances import parse_tolerances
+    from studies.parts.requirements import stated_requirements
     from studies.streaming import ros2_package
 
     inputs = [responses, calibration]
@@ -320,12 +323,14 @@ def firmware(
         raise BadInput("--calibration gives mechanics and sensor: leave --level, --responses and --tolerance out")
     decoder_export.bytes_of(flash)
     design = call.design()
-    made = parse_tolerances(tolerances or [], design, call.source)
+    made, needed = parse_tolerances(tolerances or [], design, call.source), stated_requirements(call.source)
     more = ros2_package.files(design, calibration) if ros2 else {}
     if calibration is not None and calibration_file.holds_regression(calibration):
         found = calibration_file.regression_of(calibration, design)
-        return publish(partial(regression_export.run, found, flash, here.command, more), here)
-    study = partial(decoder_export.run, design, level, responses, flash, made, calibration, here.command, more)
+        return publish(partial(regression_export.run, found, flash, needed, here.command, more), here)
+    study = partial(
+        decoder_export.run, design, level, responses, flash, made, calibration, needed, here.command, more
+    )
     return publish(study, here)
 
 

@@ -23,7 +23,7 @@ from analytic import time_series
 from analytic.decode import Decoder, decode, decoder, field_of, spread
 from analytic.inverse import pose_search
 from analytic.inverse.forward_model import readings_at, readings_with_slopes
-from analytic.inverse.response_surface import forces
+from analytic.inverse.response_surface import forces, shifts_of_forces
 from analytic.parts import columns, with_noise
 from analytic.time_series import TimeSeries
 from geometry.arrays import Array
@@ -38,6 +38,7 @@ from studies.output import page_templates
 from studies.output.atomic_files import write_text
 from studies.output.result import Result, Table, Writer
 from studies.parts.part_tolerances import Tolerances, tolerances
+from studies.parts.requirements import Requirements, full_scale
 from studies.sensing import decode_readings
 from studies.sensitivity import decode_tolerances
 
@@ -64,6 +65,8 @@ those of a calibration's intervals, and of its temperature."""
 MOST_FLASH = 1_000_000
 WORST = 0.5
 """Largest error of the force by the tables, % of full scale, with which a header is written."""
+DIRECTION = 15.0
+"""Angle between the directions of required loads whose errors are looked at, deg."""
 STARTS, EVALUATIONS = 16, 13
 """Largest number of starts and of evaluations of the field of one decoding: they limit its time."""
 SHORT, SAME, EDGE, FIT, REST = 1e-6, 2e-4, 1e-4, 2e-6, 2e-7
@@ -94,7 +97,9 @@ class Firmware:
     source : of the mechanics, in words.
     made : tolerances of a made sensor; None for one that was calibrated.
     rest : C^-1 of made sensors' readings at rest, shape (3, 3), 1/T^2, and chi^2 below which a row may be of one.
-    errors : largest errors by the tables of shift, mm, and force, N, and the largest force, N.
+    errors : largest errors by the tables of shift, mm, and force, N, and the largest force, N, in the workspace.
+    scale : largest error of the force by the tables, N, the force of which errors are percentages, N, and which one
+        it is, in words: in the required loads, or in the workspace where nothing is required.
     """
 
     coder: Decoder
@@ -104,6 +109,12 @@ class Firmware:
     rest: tuple[Array, float]
     tables: Tables
     errors: tuple[float, float, float]
+    scale: tuple[float, float, str]
+
+    @property
+    def percent(self) -> float:
+        """Largest error of the force by the tables, % of the force `scale`."""
+        return 100 * self.scale[0] / self.scale[1]
 
     @property
     def code(self) -> int:
@@ -152,6 +163,7 @@ def prepare(
     flash: str,
     made: Tolerances | None = None,
     calibration: Path | None = None,
+    needed: Requirements | None = None,
 ) -> Firmware:
     """Return what the export of a design's decoder needs, with tables that fit into the flash.
 
@@ -182,7 +194,20 @@ def prepare(
             f"the tables for --flash {flash} would miss {share:.2g} % of the largest force, more than {WORST:g} %: "
             "raise --flash, or keep the elements farther from the magnet (larger l0)"
         )
-    return Firmware(coder, design, source, sizes, rest, tables, errors)
+    scale = errors[1], *full_scale(needed, errors[2], "the largest force of the workspace")
+    if needed is not None:
+        scale = required_error(coder, tables, needed), *scale[1:]
+    return Firmware(coder, design, source, sizes, rest, tables, errors, scale)
+
+
+def required_error(coder: Decoder, tables: Tables, needed: Requirements) -> float:
+    """Return the largest error of the force by the tables under required loads, N; NaN if none is reached."""
+    assert coder.mechanics is not None
+    normal, aside = needed.loads(dense=True).T
+    u, w = shifts_of_forces(coder.mechanics, coder.low, coder.high, aside, normal)
+    ways = np.radians(np.arange(0.0, 360.0, DIRECTION))
+    shift = np.stack([np.outer(np.cos(ways), u), np.outer(np.sin(ways), u), np.tile(w, (len(ways), 1))], axis=-1)
+    return decoder_tables.errors_of(coder, tables, shift[:, np.isfinite(u)].reshape(-1, 3))[1]
 
 
 def calibrated(design: Design, path: Path) -> tuple[Decoder, Callable[[Array], Array], dict[str, Array]]:
@@ -406,7 +431,7 @@ def rendered(template: str, **values: Any) -> str:
 
 def _told(firmware: Firmware, command: str) -> dict[str, Any]:
     """Return what pages and comments say of an export."""
-    elements, (shift, force, full) = firmware.coder.forward.elements, firmware.errors
+    elements, shift = firmware.coder.forward.elements, firmware.errors[0]
     design = firmware.design
     return {
         "command": command,
@@ -427,8 +452,9 @@ def _told(firmware: Firmware, command: str) -> dict[str, Any]:
         "code_bytes": firmware.code,
         "state_bytes": firmware.state,
         "shift_um": 1e3 * shift,
-        "force_percent": 100 * force / full,
-        "full": full,
+        "force_percent": firmware.percent,
+        "full": firmware.scale[1],
+        "of_what": firmware.scale[2],
         "low": firmware.coder.low.tolist(),
         "high": firmware.coder.high.tolist(),
     }
@@ -484,34 +510,42 @@ def run(
     flash: str,
     made: Tolerances | None,
     calibration: Path | None,
+    needed: Requirements | None,
     command: str,
     more: Mapping[str, Writer],
     progress: Progress,
 ) -> Result:
-    """Return the library with the decoder of a design, and `more` files."""
+    """Return the library with the decoder of a design, and `more` files.
+
+    needed : requirements of the design, of whose press errors are percentages; None without any.
+    """
     progress(0.0, "tables")
-    firmware = prepare(design, level, responses, flash, made, calibration)
+    firmware = prepare(design, level, responses, flash, made, calibration, needed)
     progress(0.5, "test vectors")
     files = {name: partial(write_text, text=text) for name, text in texts(firmware, command).items()}
-    shift, force, full = firmware.errors
+    force, full, of_what = firmware.scale
     assert firmware.coder.mechanics is not None
+    fit_error = max(firmware.coder.mechanics.errors[1:3])
     record = {
         "status": "ok",
         "digest": digest(dataclasses.asdict(design)),
         "flash_bytes": firmware.flash,
         "table_bytes": firmware.tables.size,
         "state_bytes": firmware.state,
-        "table_error_mm": shift,
+        "table_error_mm": firmware.errors[0],
         "table_error_N": force,
-        "table_error_percent": 100 * force / full,
+        "table_error_percent": firmware.percent,
         "full_scale_N": full,
-        "fit_error_N": max(firmware.coder.mechanics.errors[1:3]),
+        "full_scale": of_what,
+        "fit_error_N": fit_error,
+        "fit_error_percent": 100 * fit_error / full,
         "example": example_of(design),
     }
     off = "" if calibration else "; what a made sensor differs from the design comes on top: calibrate it"
     remark = (
         f"the tables add {force:.1g} N to the error of the mechanics ({firmware.source}), which the decoder's "
-        f"polynomials miss by up to {record['fit_error_N']:.2g} N{off}"
+        f"polynomials miss by up to {fit_error:.2g} N, {100 * fit_error / full:.2g} % of {of_what} "
+        f"({full:.4g} N){off}"
     )
     remarks = [remark]
     if firmware.is_warm:

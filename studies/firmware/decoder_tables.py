@@ -36,6 +36,8 @@ POWERS, LARGEST_TILT = 7, 2.0
 """Powers of the series of cos and sin, and the angle, rad, up to which they have the digits of float."""
 STEPS = 24_000
 """Range of the readings at the nodes, in steps of 16 bits; the rest is for margins."""
+POSES = 4000
+"""Poses of the workspace at which the errors of tables are looked at."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -271,15 +273,21 @@ def _relaxation(coder: Decoder, doubt: float) -> dict[str, Any]:
     return {"branches": rows, "slow": (slow, softening(design), slow / branches.rest, doubt)}
 
 
-def errors_of(coder: Decoder, tables: Tables, count: int = 4000) -> tuple[float, float, float]:
+def errors_of(coder: Decoder, tables: Tables, shift: Array | None = None) -> tuple[float, float, float]:
     """Return the largest errors of shift, mm, and force, N, that the splines cause, and the largest force, N.
 
-    They follow from the errors of the readings at random poses of the workspace with a force, by the slopes there.
+    They follow from the errors of the readings at poses with a force, by the slopes there; NaN without such poses.
+
+    shift : (n, 3), mm; default: random ones of the workspace.
     """
-    shift = np.random.default_rng(0).uniform(coder.low, coder.high, (count, 3)).T
+    if shift is None:
+        shift = np.random.default_rng(0).uniform(coder.low, coder.high, (POSES, 3))
+    shift = np.ascontiguousarray(shift.T)
     assert coder.mechanics is not None
     force, _, by_shift = force_and_load(coder.mechanics, shift)
     known = np.isfinite(force[2])
+    if not known.any():
+        return math.nan, math.nan, math.nan
     shift, force, by_shift = shift[:, known].copy(), force[:, known], by_shift[..., known]
     exact, slopes = readings_with_slopes(coder.forward, shift)
     rho, zeta, on_u, on_m = places_of(coder, shift)

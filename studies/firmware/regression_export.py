@@ -28,6 +28,7 @@ from studies.inputs.table_input import COLDEST, HOTTEST
 from studies.inputs.user_input import design_text
 from studies.output.atomic_files import write_text
 from studies.output.result import Result, Table, Writer
+from studies.parts.requirements import Requirements, full_scale
 
 CODE, WARM_CODE = 2_400, 100
 """Bytes beside the tables of a program for a Cortex-M4F with -Os, and those of a temperature (as measured by
@@ -139,9 +140,12 @@ def header(found: Regression, told: Mapping[str, Any], tables: Mapping[str, Arra
     )
 
 
-def told_of(found: Regression, command: str, tables: Mapping[str, Array], error: float) -> dict[str, Any]:
+def told_of(
+    found: Regression, needed: Requirements | None, command: str, tables: Mapping[str, Array], error: float
+) -> dict[str, Any]:
     """Return what pages and comments say of an export, as `decoder_export` does of a model."""
-    elements, full = parts.of_design(found.design), float(np.nanmax(np.abs(found.forces)))
+    elements, largest = parts.of_design(found.design), float(np.nanmax(np.abs(found.forces)))
+    full, of_what = full_scale(needed, largest, "the largest force of the bench")
     k, recent, thermal = len(elements), time_series.RECENT, found.is_thermal
     return {
         "command": command, "digest": digest(dataclasses.asdict(found.design)), "layout": found.design.hall_layout,
@@ -150,24 +154,33 @@ def told_of(found: Regression, command: str, tables: Mapping[str, Array], error:
         "rails": (elements[0].low, elements[0].high), "average": elements[0].average,
         "example": decoder_export.example_of(found.design), "table_bytes": sum(a.nbytes for a in tables.values()),
         "code_bytes": CODE + WARM_CODE * thermal, "state_bytes": 4 * (4 * k + recent * (k + 1) + 3 + thermal),
-        "force_percent": 100 * error / full, "full": full,
+        "force_percent": 100 * error / full, "full": full, "of_what": of_what,
     }  # fmt: skip
 
 
-def texts(found: Regression, command: str) -> tuple[dict[str, str], dict[str, Any]]:
+def texts(
+    found: Regression, command: str, needed: Requirements | None = None
+) -> tuple[dict[str, str], dict[str, Any]]:
     """Return the texts of all files of the library by their names, and what they say of it."""
     tables = tables_of(found)
-    told = told_of(found, command, tables, rounding(found, tables))
+    told = told_of(found, needed, command, tables, rounding(found, tables))
     rows = vectors(found)
     made = {HEADER: header(found, told, tables), VECTORS: decoder_export.vectors_header(rows)}
     made |= {PLAIN[2]: decoder_export.vectors_table(rows)} | decoder_export.surroundings(told)
     return made, told
 
 
-def run(found: Regression, flash: str, command: str, more: Mapping[str, Writer], progress: Progress) -> Result:
-    """Return the library with the decoder of a regression, and `more` files."""
+def run(
+    found: Regression,
+    flash: str,
+    needed: Requirements | None,
+    command: str,
+    more: Mapping[str, Writer],
+    progress: Progress,
+) -> Result:
+    """Return the library with the decoder of a regression, and `more` files; errors are percentages of `needed`."""
     progress(0.0, "test vectors")
-    made, told = texts(found, command)
+    made, told = texts(found, command, needed)
     size, full = told["table_bytes"] + told["code_bytes"], told["full"]
     if size > decoder_export.bytes_of(flash):
         raise BadInput(
@@ -177,7 +190,8 @@ def run(found: Regression, flash: str, command: str, more: Mapping[str, Writer],
     record = {
         "status": "ok", "digest": told["digest"], "flash_bytes": size, "table_bytes": told["table_bytes"],
         "state_bytes": told["state_bytes"], "table_error_mm": math.nan, "table_error_N": error,
-        "table_error_percent": told["force_percent"], "full_scale_N": full, "fit_error_N": math.nan,
+        "table_error_percent": told["force_percent"], "full_scale_N": full, "full_scale": told["of_what"],
+        "fit_error_N": math.nan, "fit_error_percent": math.nan,
         "held_out_N": found.held_out.tolist(), "example": told["example"],
     }  # fmt: skip
     remark = (

@@ -22,6 +22,7 @@ from geometry.design import BadInput, Design
 from geometry.fabrication.printability import PROCESSES
 from geometry.hall_chips import CIRCLES
 from studies.inputs.user_input import check_keys, fabrication_of, quantity, table_beside, toml_table, validated
+from studies.output.literals import literal
 
 EXAMPLE = Path(__file__).with_name("requirements_example.toml").read_text("utf-8")
 """A file of requirements with all keys."""
@@ -234,6 +235,33 @@ LIMITS = {spec.name: spec for spec in dataclasses.fields(Requirements) if "unit"
 """Fields of `Requirements` with a number, a unit and a range, by name."""
 SWITCHES = tuple(spec for spec in dataclasses.fields(Requirements) if spec.default is True)
 """Fields of `Requirements` that are required or not."""
+
+
+def full_scale(needed: Requirements | None, largest: float, words: str) -> tuple[float, str]:
+    """Return the force of which errors of forces are percentages, N, and which one it is, in words.
+
+    It is the required press; without requirements the largest force of a study, which has these words.
+
+    >>> full_scale(Requirements(force_z=6.0), 35.8, "the largest force")
+    (6.0, 'the required press')
+    """
+    return (largest, words) if needed is None else (needed.force_z, "the required press")
+
+
+def design_table(needed: Requirements | None) -> str:
+    """Return what is required as the table [requirements] of a design file; nothing without requirements.
+
+    >>> print(design_table(Requirements(force_z=6.0)))
+    <BLANKLINE>
+    [requirements]
+    force_z = 6.0  # N
+    <BLANKLINE>
+    """
+    if needed is None:
+        return ""
+    rows = [row for row in needed.rows() if row["state"] == "set"]
+    lines = [f"{row['requirement']} = {literal(row['value'])}  # {row['unit']}" for row in rows]
+    return "\n".join(["", "[requirements]", *lines, ""])
 
 
 def read_requirements(path: str) -> Requirements:

@@ -13,6 +13,7 @@ from studies.output.atomic_files import write_text
 from studies.output.literals import literal, one_line, toml
 from studies.output.records import FlatRow
 from studies.parts import part_tolerances
+from studies.parts.requirements import design_table
 from studies.sizing import front_yield
 
 if TYPE_CHECKING:
@@ -77,9 +78,7 @@ def write_design(variant: Variant, requirements: Requirements, folder: Path, ori
     lines = [*map(one_line, head), *toml({name: value for name, value in fields.items() if name not in unused})]
     lines += ["", "[fabrication]", *toml({"process": requirements.process})]
     screw = "" if requirements.screws else ", screw = 0"
-    lines += [f"base = {{ shape = {literal(requirements.outer_shape)}{screw} }}", "", "[requirements]"]
-    rows = [row for row in requirements.rows() if row["state"] == "set"]
-    lines += [f"{row['requirement']} = {literal(row['value'])}  # {row['unit']}" for row in rows]
+    lines += [f"base = {{ shape = {literal(requirements.outer_shape)}{screw} }}", design_table(requirements).rstrip()]
     parts = front_yield.parts_of_variant(variant, requirements.process)
     if table := part_tolerances.stated(variant.design, parts):
         lines += ["", "[tolerances]", *toml(table)]

@@ -20,6 +20,7 @@ from studies.inputs import table_input, user_input
 from studies.output import own_files, provenance
 from studies.output.bounded_files import LARGEST, MOST_BYTES, MOST_ROWS, json_object, text_of
 from studies.output.literals import is_text
+from studies.parts.requirements import Requirements, stated_requirements
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -48,6 +49,7 @@ class Contents:
     name : its path below the folder of the report; "" for that folder itself.
     tables, texts, records, pages, designs : by file name; a column whose cells are all numbers or empty holds
         numbers, a text is that of a CSV file, a page is Markdown, a record an object of a JSON file.
+    requirements : of the design files that state some, by file name.
     pictures, solutions : file names.
     run : record of the command that made the folder; None where there is none.
     unread : sentences on files that could not be read or that the report does not show.
@@ -60,6 +62,7 @@ class Contents:
     records: dict[str, dict[str, Any]] = field(default_factory=dict)
     pages: dict[str, str] = field(default_factory=dict)
     designs: dict[str, Design] = field(default_factory=dict)
+    requirements: dict[str, Requirements] = field(default_factory=dict)
     pictures: list[str] = field(default_factory=list)
     solutions: list[str] = field(default_factory=list)
     run: provenance.Run | None = None
@@ -131,7 +134,10 @@ def _read_file(contents: Contents, file: Path) -> None:
     elif suffix == ".md":
         contents.pages[name] = text_of(file, "Markdown")
     elif suffix == ".toml":
+        needed = stated_requirements(str(file))
         contents.designs[name] = user_input.read_design(str(file))
+        if needed is not None:
+            contents.requirements[name] = needed
     elif suffix in PICTURES:
         contents.pictures.append(name)
     elif suffix == ".vtu":

@@ -14,7 +14,7 @@ import io
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from geometry.design import BadInput, Design
 from geometry.loads import Load
@@ -26,6 +26,9 @@ from studies.output.text_tables import quantity_name
 from studies.web import folder_contents, report_sections
 from studies.web.page_content import PAGE, as_json, lead_of, page_html, page_theme, sources, title_of
 from studies.web.report_sections import Section
+
+if TYPE_CHECKING:
+    from fem.analyses.force_targets import ForceTarget
 
 SCRIPTS = ("format", "theme", "exports", "figures", "sensor_view", "report_surface", "report_page")
 """Scripts of every report; three.js comes before them where there is a figure in 3D."""
@@ -70,7 +73,7 @@ def report(
     contents = folder_contents.read(folder)
     file = atomic_files.check_output_file(out or folder / "report.html", ".html", ".htm")
     atomic_files.check_apart([file], folder_contents.inputs(contents))
-    sections, solved = [], list[tuple[Design, Load | None]]()
+    sections, solved = [], list[tuple[Design, "Load | ForceTarget | None"]]()
     for k, one in enumerate(contents):
         if progress is not None:
             progress(k / len(contents), one.name or str(folder))

@@ -28,6 +28,9 @@ from studies.web.folder_contents import Contents
 if TYPE_CHECKING:
     import pandas as pd
 
+    from fem.analyses.force_targets import ForceTarget
+    from studies.parts.requirements import Requirements
+
 MOST_SURFACES = 3
 """Largest number of solutions of one folder that are shown in 3D, of about 0.4 MB each."""
 MOST_OPEN_ROWS, MOST_OPEN_COLUMNS = 40, 9
@@ -216,12 +219,13 @@ def surface_of_file(path: Path) -> dict[str, Any] | None:
     )
 
 
-def solved_surface(design: Design, load: Load | None) -> dict[str, Any]:
+def solved_surface(design: Design, load: Load | ForceTarget | None) -> dict[str, Any]:
     """Solve for a state by finite elements and return its surface.
 
     Parameters
     ----------
-    load : of the study; None, where it names none, for a press to D/8 and a glued shear of D/8.
+    load : of the study, or the forces that the design is required to bear; None, where it names none, for a press to
+        D/8 and a glued shear of D/8.
 
     Raises
     ------
@@ -229,6 +233,7 @@ def solved_surface(design: Design, load: Load | None) -> dict[str, Any]:
         The solve stopped before this state.
     """
     from fem.accuracy import STANDARD
+    from fem.analyses.force_targets import ForceTarget, walk_forces
     from fem.equilibrium import trace
 
     why = ", for want of a load in the files," if load is None else ""
@@ -236,7 +241,10 @@ def solved_surface(design: Design, load: Load | None) -> dict[str, Any]:
     magnet: Magnet = "rigid" if design.shape.has_magnet else "ignored"
     status: str
     try:
-        solution = trace(design, [load], STANDARD, magnet=magnet, estimate=False)[-1]
+        if isinstance(load, ForceTarget):
+            solution = next(walk_forces(design, [load], STANDARD, magnet=magnet, estimate=False))
+        else:
+            solution = trace(design, [load], STANDARD, magnet=magnet, estimate=False)[-1]
         status, message = solution.status, solution.message
     except (BadInput, SolveFailed) as error:
         status, message = "bad_input" if isinstance(error, BadInput) else "not_converged", str(error)
@@ -245,12 +253,18 @@ def solved_surface(design: Design, load: Load | None) -> dict[str, Any]:
     response = solution.response
     return _described(
         "Deformed sensor",
-        _named_load(load),
+        _named_forces(load) if isinstance(load, ForceTarget) else _named_load(load),
         state_pictures.surface(solution),
         f" Solved{why} for this report, for D = {design.D:.4g} mm and L = {design.L:.4g} mm: force "
         f"{response.force[0]:.3g} N along the shear and {response.force[2]:.3g} N in compression; the magnet tilts "
         f"by {math.degrees(response.tilt):.2g} degrees.",
     )
+
+
+def _named_forces(target: ForceTarget) -> str:
+    """Return what a sensor is required to bear, in words."""
+    aside = f" and {target.shear_size:.3g} N along the plate, which sticks to the tip" if target.shear_force else ""
+    return f"the required load, a press of {target.force:.3g} N{aside}"
 
 
 def _named_load(load: Load) -> str:
@@ -281,10 +295,10 @@ def _described(title: str, state: str, data: dict[str, Any], more: str = "") -> 
     return {"title": title, "caption": caption, **box, **data}
 
 
-def state_of(contents: Contents) -> tuple[Design, Load | None] | None:
+def state_of(contents: Contents) -> tuple[Design, Load | ForceTarget | None] | None:
     """Return a sensor and a load that the study of a folder contains, the largest load; None without a design.
 
-    The load is None where no table states one.
+    Where no table states one, it is what a design file of the folder requires, else None.
     """
     design = design_of(contents)
     if design is None:
@@ -293,7 +307,16 @@ def state_of(contents: Contents) -> tuple[Design, Load | None] | None:
         table = contents.tables.get(name)
         if table is not None and (state := _largest_state(table, design)) is not None:
             return state
-    return design, None
+    required = list(contents.requirements.values())
+    return design, _required(required[0]) if len(required) == 1 else None
+
+
+def _required(needed: Requirements) -> ForceTarget:
+    """Return the largest required load, in the plane of the shear."""
+    from fem.analyses.force_targets import ForceTarget
+
+    aside = None if needed.force_x is None else (needed.force_x, 0.0)
+    return ForceTarget(needed.force_z, aside, Load(friction="stick" if aside else "none"))
 
 
 def _largest_state(table: pd.DataFrame, base: Design) -> tuple[Design, Load] | None:
