@@ -43,7 +43,7 @@ MISFITS = {
     "fit_error_N": ("error of the decoder's polynomials, force", UNITS["N"][0]),
     "table_error_mm": ("error of the tables, shift", UNITS["mm"][0]),
     "table_error_N": ("error of the tables, force", UNITS["N"][0]),
-    "fit_error_percent": ("error of the decoder's polynomials, force over full scale", UNITS["percent"][0]),
+    "fit_error_percent": ("error of the polynomials, over full scale", UNITS["percent"][0]),
     "full_scale": ("full scale is", ""),
     "table_error_percent": ("error of the tables, force over full scale", UNITS["percent"][0]),
 }
