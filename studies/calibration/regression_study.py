@@ -189,7 +189,7 @@ def sentences(one: Compared) -> list[str]:
     found, said = one.found, []
     if np.isnan(found.rest).any():
         said.append(
-            "no row is at rest, so a sensor at rest is out of range, and no zero can be taken: add rows without a "
+            "no row is at rest, so no zero can be taken, and a sensor at rest may be out of range: add rows without a "
             "force to the bench"
         )
     if lost := [name for name, value in zip(FORCES, found.law.constant, strict=True) if math.isnan(value)]:
