@@ -189,8 +189,8 @@ def sentences(one: Compared) -> list[str]:
     found, said = one.found, []
     if np.isnan(found.rest).any():
         said.append(
-            "no row is at rest, so no zero can be taken, and a sensor at rest may be out of range: add rows without a "
-            "force to the bench"
+            "no row is at rest, so no zero can be taken, and a sensor at rest may be out of range: add rows without "
+            "a force to the bench"
         )
     if lost := [name for name, value in zip(FORCES, found.law.constant, strict=True) if math.isnan(value)]:
         said.append(f"{', '.join(lost)} {'were' if lost[1:] else 'was'} not measured, and stays unknown")
