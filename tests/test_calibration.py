@@ -98,17 +98,17 @@ def test_unknowns_scatter_as_their_covariance_says(simulated):
 
 
 def test_a_sensor_far_from_its_priors_is_found():
-    """Gains off by a quarter, a modulus by an eighth: exact readings lead straight into a wrong minimum."""
-    design = paper(
-        E=2.46, D=8.3, L=7.5, f=5.4, magnet_diameter=5.0, magnet_height=3.0, remanence=1.45, l0=4.6, c=1.25
-    )
+    """Gains off by a quarter, a modulus by an eighth: exact readings lead from there into a wrong minimum."""
+    lengths = {"D": 8.3, "L": 7.5, "f": 5.4, "magnet_diameter": 5.0, "magnet_height": 3.0, "l0": 4.6, "c": 1.25}
+    design = paper(E=2.46, remanence=1.45, hall_gain=14.0, **lengths)
     law, _, _ = calibration_study.mechanics_of(design, None)
     names = ("S1", "S2", "S3")
     made = bench_file.Bench(pd.DataFrame({"run": ["a"] * 12}), names, [])
     un = sensor_fit.unknowns_of(design, made, tolerances(E=30.0, hall_gain=25.0))
     sensor, rng = sensor_fit.Sensor(design, law, un, np.full(3, 5e-5), 0.1), np.random.default_rng(3)
     theta = un.mean.copy()
-    for name, value in {"modulus": 0.88, "gain_S1": 0.9, "gain_S2": 0.75, "gain_S3": 1.24}.items():
+    far = {"modulus": 0.88, "gain_S1": 0.9, "gain_S2": 0.75, "gain_S3": 1.24, "null_S1": -0.03, "null_S2": -0.03}
+    for name, value in (far | {"null_S3": 0.06, "magnet_z": -0.07, "tilt_x": 0.016, "tilt_y": -0.03}).items():
         theta[un.names.index(name)] = value
     angle, w = np.tile([0.0, 2.1, 4.2], 4), -np.repeat([0.02, 0.07, 0.1, 0.16], 3)
     shift = np.stack([3 * -w * np.cos(angle), 3 * -w * np.sin(angle), w], axis=1)
