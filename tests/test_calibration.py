@@ -118,6 +118,24 @@ def test_a_sensor_far_from_its_priors_is_found():
     assert (np.abs(found.theta - theta) < 4 * found.deviation).all()
 
 
+def test_a_single_chip_may_lie_beside_its_place():
+    """The magnet's offset turns with the silicone and the chip's does not: no other unknown stands for both."""
+    design = Design(D=5.1, L=5.2, E=1.81, l0=4.2, remanence=1.45, hall_layout="tmag5273a1", hall_average=1000.0)
+    names = tuple(parts.columns(parts.of_design(design)))
+    un = sensor_fit.unknowns_of(
+        design, bench_file.Bench(pd.DataFrame({"run": ["a"]}), names, []), tolerances(chip_null=0.0)
+    )
+    law, _, _ = calibration_study.mechanics_of(design, None)
+    sensor = sensor_fit.Sensor(design, law, un, np.full(3, 3e-6), 0.02)
+    leaning = np.array([[-0.3, 0.2, -0.1], [0.0, 0.0, -0.1]])
+    moved = np.zeros((2, len(un.names)))
+    moved += un.mean
+    moved[1, un.names.index("place_chip_x")] = moved[1, un.names.index("magnet_x")] = 0.05
+    one, other = sensor.predict_all(moved, np.tile(leaning, (2, 1, 1)), np.zeros(2))[..., :3]
+    assert np.abs(one[1] - other[1]).max() < 1e-9  # upright both are one
+    assert np.abs(one[0] - other[0]).max() > 30e-6
+
+
 def test_mechanics_of_a_calibration_follow_loads_that_friction_holds():
     """Sheared farther the press force falls, and polynomials that rise missed all of it: 22 % of the range here."""
     design = Design(D=5.1, L=5.2, E=1.81, l0=4.2, hall_layout="tmag5273a1")

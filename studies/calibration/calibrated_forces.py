@@ -92,19 +92,26 @@ def coder_of(found: Fit, *, warm: bool = True) -> Decoder:
 
 def mechanics_of(found: Fit) -> Mechanics:
     """Return the mechanics of an estimated sensor: its factors multiply the nominal polynomials."""
-    law, names = found.sensor.mechanics, ("modulus", "stiffening", "sideways", "lean")
-    modulus, stiffening, sideways, lean = (float(found.sensor.value(found.theta, name)) for name in names)
-    rest, slope = modulus * (1 - stiffening / 2), -modulus * stiffening / law.sink
-    lateral, normal = (
-        rest * np.pad(c, ((0, 0), (0, 1))) + slope * np.pad(c, ((0, 0), (1, 0))) for c in (law.lateral, law.normal)
-    )
+    law, sensor = found.sensor.mechanics, found.sensor
+
+    def value(name: str) -> float:
+        return float(sensor.value(found.theta, name))
+
+    def deeper(c: Array, factor: float, change: float) -> Array:
+        """Return factor (1 + change (s_z / s_z,max - 1/2)) times the polynomial c[i, j] of U^i w^j."""
+        rest, slope = np.pad(c, ((0, 0), (0, 1))), np.pad(c, ((0, 0), (1, 0)))
+        return np.asarray(factor * ((1 - change / 2) * rest - change / law.sink * slope))
+
+    modulus, sideways, aside, lean = map(value, ("modulus", "sideways", "press_aside", "lean"))
+    lateral, normal = (deeper(c, modulus, value("stiffening")) for c in (law.lateral, law.normal))
+    normal = np.pad(normal, ((0, 1), (0, 0))) + aside / law.reach**2 * np.pad(normal, ((1, 0), (0, 0)))
     at_rest = intervals(found, [found.covariance], np.zeros((1, 3)), np.zeros(1))[0]
     tilt, lateral_force, normal_force, *of_plate = law.errors
-    least, most = (lean * end for end in law.lean)
+    of_lean = [lean * end * (1 + way * value("lean_deeper") / 2) for end in law.lean for way in (-1, 1)]
     return dataclasses.replace(
         law,
-        tau=lean * law.tau,
-        lean=(least, most),
+        tau=deeper(law.tau, lean, value("lean_deeper")),
+        lean=(min(of_lean), max(of_lean)),
         lateral=sideways * lateral,
         normal=normal,
         errors=(lean * tilt, modulus * sideways * lateral_force, modulus * normal_force, *of_plate),
