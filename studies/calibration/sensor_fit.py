@@ -155,8 +155,8 @@ def unknowns_of(
         *((f"null_{name}", unit, 0.0, sigma(f"{part}_null")) for name in bench.readings),
         *((f"ambient_{axis}", "T", 0.0, AMBIENT) for axis in "xyz"),
     ]
-    # the axes of a chip are at one place; even of a single one it is not as if the magnet were displaced: the magnet's
-    # offset turns with the silicone, at a lean of 0.1 by micrometres, which the readings resolve
+    # the axes of a chip are at one place; even of one chip it is not as if the magnet were displaced, whose offset
+    # turns with the silicone: by micrometres at a lean of 0.1, which the readings resolve
     places = itertools.product(dict.fromkeys(map(place_of, bench.readings)), "xyz")
     rows += [(f"place_{name}_{axis}", "mm", 0.0, sigma(f"hall_{axis}")) for name, axis in places]
     if np.isfinite(bench.values(["depth_mm"])).any():
