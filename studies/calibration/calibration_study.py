@@ -650,16 +650,17 @@ def shortcoming(found: Fit, expected: Sensor, truth: Array, inside: float) -> tu
     return few, "press more often"
 
 
-def _failures(summary: Sequence[FlatRow], check: str, why: str = "") -> list[str]:
+def _failures(summary: Sequence[FlatRow], check: str, why: str = "", *, misread: bool = False) -> list[str]:
     """Return why a calibration is of no use: most rows have no force, or a regression is much better.
 
     check : what is to be checked then, the most probable cause first.
     why : what the error of the model comes from; "" if columns are wrong.
+    misread : whether rows fit better as columns of other things: then any better regression is enough.
     """
     own, others = summary[0], [row["rmse_N"] for row in summary[1:] if math.isfinite(row["rmse_N"])]
     if not own["rows"] > 2 * own["lost"]:
         return [f"{own['lost']} of {own['rows']} held-out rows have no force: do not use this calibration; {check}"]
-    if others and not own["rmse_N"] <= UNUSABLE * min(others):
+    if others and not own["rmse_N"] <= (1.0 if misread else UNUSABLE) * min(others):
         ratio = own["rmse_N"] / min(others)
         cause = f" ({why})" if why else ""
         return [
@@ -683,7 +684,7 @@ def _result(
     why = regression_study.why_model(summary[0], best, str(origin["other"]))
     failures = [
         f"{text}, or take the regression: {origin['other']}" if best else text
-        for text in _failures(summary, str(origin["check"]), str(origin["cause"]))
+        for text in _failures(summary, str(origin["check"]), str(origin["cause"]), misread=bool(origin["hint"]))
     ]
     if origin["hint"] and not failures:
         warnings.insert(0, origin["hint"])

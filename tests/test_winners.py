@@ -1,0 +1,44 @@
+"""Winners of `magtip size` on benches: from the design file to decoded newtons, and what the study counts."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analytic.hall import field_at
+from geometry.design import paper
+from studies.validation import winners
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+def test_a_sized_sensor_is_calibrated_within_its_promise():
+    """Its modulus is 14 % below the nominal one, its readings have steps and come from another code."""
+    row = winners.judged(str(ROOT / "results" / "sizing" / "surgical_probe" / "winner.toml"), 11)
+    assert row["refused"] == ""
+    assert row["E_over_nominal"] < 0.9
+    assert row["largest_percent"] < row["promised_percent"] < 5.0
+    assert min(row[f"inside_{axis}_percent"] for axis in "xyz") >= 70.0  # of twenty rows of one sensor
+    assert (row["rows"], row["lost"]) == (20, 0)
+    assert row["regression_over_held_out"] > 1.5
+
+
+def test_a_refusal_and_a_broken_promise_fail_the_study():
+    good = {
+        "winner": "a", "sensor": 0, "refused": "", "largest_percent": 1.0, "promised_percent": 2.0,
+        **{f"inside_{axis}_percent": 90.0 for axis in "xyz"},
+    }  # fmt: skip
+    assert not winners.result([good], quick=False).failures
+    refused = {"winner": "b", "sensor": 0, "refused": "a regression is better", "promised_percent": 2.0}
+    assert "refused" in winners.result([good, refused], quick=False).failures[0]
+    assert winners.result([good | {"largest_percent": 3.0}], quick=False).failures
+    assert winners.result([good | {"inside_y_percent": 30.0}], quick=False).failures
+
+
+def test_the_field_of_the_benches_is_that_of_magpylib():
+    pytest.importorskip("magpylib")
+    rng = np.random.default_rng(2)
+    points = np.array([0.0, 0.0, paper().H - 7.0]) + rng.uniform(-1, 1, (5, 3))
+    shift, turn = rng.uniform(-0.5, 0.5, (5, 3)), rng.uniform(-0.1, 0.1, (5, 2))
+    ours, theirs = (code(points, paper(), shift, turn) for code in (field_at, winners.magpylib_field))
+    assert theirs == pytest.approx(ours, rel=1e-6, abs=1e-9)
