@@ -99,16 +99,17 @@ def test_force_and_leverage_are_those_of_scikit_learn(taught, degree):
     assert law.freedom == pytest.approx(39 - np.trace(T @ A @ T.T), rel=1e-8)
 
 
-def test_intervals_hold_on_rows_of_random_sensors_and_rows_beyond_the_bench_have_none(sensor):
+@pytest.mark.parametrize(("count", "runs"), [(16, 1), (60, 3)])
+def test_intervals_hold_on_rows_of_random_sensors_and_rows_beyond_the_bench_have_none(sensor, count, runs):
     un, rng = sensor.unknowns, np.random.default_rng(7)
-    inside, stated, beyond = [], [], []
-    for _ in range(16):
+    inside, stated, beyond, within = [], [], [], []
+    for _ in range(20):
         theta = un.mean + un.deviation * rng.normal(size=len(un.mean))
-        one = compared(bench_of(sensor, theta, 60, 3, rng))
+        one = compared(bench_of(sensor, theta, count, runs, rng))
         rows = presses(sensor, theta, 200, rng)
         words, force, half = one.found.decode(rows[:, :3], np.full(200, np.nan))
         known = np.array(words) == "ok"
-        assert known.mean() > 0.7
+        within.append(known.mean())
         assert (np.isfinite(half).all(axis=1) == known).all()
         inside.append((np.abs(force - rows[:, 3:]) <= half)[known].mean(axis=0))
         stated.append(one.rows[one.found.law.degree - 1]["inside_percent"] / 100)
@@ -117,9 +118,10 @@ def test_intervals_hold_on_rows_of_random_sensors_and_rows_beyond_the_bench_have
         words, _, half = one.found.decode(deep[far, :3], np.full(far.sum(), np.nan))
         beyond += words
         assert np.isnan(half[np.array(words) == "out_of_range"]).all()
-    # 9600 of 90 %, of 16 sensors
+    # without leverage, or with a normal quantile, those of 16 rows hold for 78 and 84 %
     assert (np.abs(np.mean(inside, axis=0) - 0.9) < 0.05).all()
     assert np.mean(stated) == pytest.approx(0.9, abs=0.05)
+    assert np.mean(within) > 0.7
     assert len(beyond) > 50
     assert beyond.count("out_of_range") > 0.95 * len(beyond)
 
