@@ -19,7 +19,7 @@ import pandas as pd
 
 from geometry.arrays import Array
 from geometry.bad_input import BadInput, SolveFailed
-from geometry.design import Design
+from geometry.design import PRESETS, Design
 from geometry.messages import Progress
 from studies.calibration import calibrated_forces, calibration_file, calibration_study, press_plan, simulated_bench
 from studies.calibration.press_plan import Plan
@@ -68,21 +68,23 @@ def run(
     Parameters
     ----------
     winners
-        Folder of folders that `magtip size` wrote, each with winner.toml.
+        Folder of folders that `magtip size` wrote, each with winner.toml; presets with requirements are added.
     sensors
         Made sensors of each.
     quick
         One sensor of the first two.
     """
-    files = sorted(winners.glob(f"*/{WINNER}"))[: 2 if quick else None]
+    files = sorted(winners.glob(f"*/{WINNER}"))
     if not files:
         raise BadInput(f"{str(winners)!r} has no folder with {WINNER}: give a folder of results of magtip size")
-    count = 1 if quick else sensors
+    sources = {file.parent.name: str(file) for file in files}
+    sources |= {f"preset {name}": name for name in PRESETS if stated_requirements(name)}
+    chosen, count = list(sources.items())[: 2 if quick else None], 1 if quick else sensors
     rows = list[Row]()
-    for k, file in enumerate(files):
+    for k, (name, source) in enumerate(chosen):
         for j in range(count):
-            progress((k + j / count) / len(files), f"{file.parent.name}, sensor {j + 1} of {count}")
-            rows.append({"winner": file.parent.name, "sensor": j} | judged(str(file), SEED + j))
+            progress((k + j / count) / len(chosen), f"{name}, sensor {j + 1} of {count}")
+            rows.append({"winner": name, "sensor": j} | judged(source, SEED + j))
     return result(rows, quick=quick)
 
 
