@@ -4,6 +4,7 @@ import dataclasses
 import math
 import re
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 from numpy.testing import assert_allclose
@@ -33,6 +34,14 @@ def test_a_preset_is_a_design_that_verbs_take_by_name(name, run, strict):
     assert {field: said[field] for field in dataclasses.asdict(paper())} == dataclasses.asdict(preset(name))
     assert preset(name, remanence=1.0) == dataclasses.replace(preset(name), remanence=1.0)
     assert ("fabrication" in preset_table(name)) == ("requirements" in preset_table(name)) == (name != "paper")
+
+
+@pytest.mark.parametrize("name", [name for name in PRESETS if name != "paper"])
+def test_a_preset_is_the_winner_of_its_sizing(name):
+    """Presets are copies of results, so that the command in their first line makes them again."""
+    text = PRESETS[name].read_text("utf-8")
+    assert text == (Path(__file__).parents[1] / "results" / "sizing" / name / "winner.toml").read_text("utf-8")
+    assert text.startswith(f"# Made with `magtip size studies/examples/sizing/{name}.toml")
 
 
 @pytest.mark.parametrize("spec", FIELDS, ids=NAMES)

@@ -25,7 +25,7 @@ from explorer_session import (
     server,
 )
 
-from geometry.design import BadInput, Design
+from geometry.design import BadInput, Design, preset
 from studies.inputs import user_input
 
 QUICK = "#preset=paper&level=quick"
@@ -233,6 +233,12 @@ def test_parts_of_the_catalogue_are_choices(start):
     move(page, "grade", "N42")
     wait(page, "document.getElementById('field-magnet_part').value === '6x3 N42'")
     assert page.evaluate("document.getElementById('field-hall_part').value") == "TMAG5273A1"
+    # a preset has all fields of its design, from the list and in an address
+    move(page, "preset", "fingertip")
+    assert request(page)["state"]["design"]["D"] == preset("fingertip").D
+    go(page, "#preset=gripper_pad&level=quick&L=40")
+    design = request(page)["state"]["design"]
+    assert (design["silicone"], design["L"]) == (preset("gripper_pad").silicone, 40)
 
 
 def test_impossible_design_greys_the_picture_and_says_what_the_command_line_says(start):

@@ -6,9 +6,9 @@ import pytest
 
 from fem.accuracy import QUICK
 from fem.equilibrium import solve
-from geometry.design import BadInput, Design, paper
+from geometry.design import PRESETS, BadInput, Design, paper
 from geometry.loads import Load
-from studies.parts.requirements import Requirements
+from studies.parts.requirements import LIMITS, Requirements, read_requirements
 from studies.sizing import sizing_export
 from studies.web import required_margins
 
@@ -41,6 +41,16 @@ def test_corners_are_those_of_the_silicone_and_the_load_is_required():
     assert rows["largest strain"]["beside"].startswith("E = 0.662 MPa, 3 N with 0.6 N")
     # an E of one's own has no range
     assert rows_of(paper())["largest strain"]["beside"].startswith("E = 1 MPa, 3 N")
+
+
+@pytest.mark.parametrize("name", [name for name in PRESETS if name != "paper"])
+def test_a_preset_meets_the_requirements_of_its_file(name):
+    design, needed = required_margins.sensor_of(name)
+    stated = read_requirements(f"studies/examples/sizing/{name}.toml")
+    assert [getattr(needed, limit) for limit in LIMITS] == [getattr(stated, limit) for limit in LIMITS]
+    rows = rows_of(design, needed)
+    assert "press force" in rows
+    assert not [row for row in rows.values() if "missed" in row["half_width"]]
 
 
 def test_a_harder_requirement_leaves_less():
