@@ -17,6 +17,8 @@ import pandas as pd
 
 from analytic.inverse.forward_model import rotation
 from analytic.inverse.response_surface import Mechanics, force_and_load, forces, of_samples
+from analytic.parts import CONVERTER_STEP
+from analytic.reading_noise import of_average
 from geometry.arrays import Array
 from geometry.design import Design, paper
 from geometry.loads import Load, Response
@@ -53,6 +55,8 @@ FAR_OFF, FALSE = 12, 5.0
 tolerances of which the same is said, %."""
 LEAST, MOST = 85.0, 95.0
 """Goals of the shares of 90 % intervals that hold, %."""
+INSIDE = tuple(f"inside_{axis}_percent" for axis in "xyz")
+"""Columns of the shares of intervals that hold, by axis."""
 LOST = 1.0
 """Largest share of the decoded rows that may get no force, %."""
 
@@ -75,7 +79,7 @@ def bench_rows(made: MadeSensors, law: Mechanics, shift: Array, rng: np.random.G
     force = force.T
     # by the code of draws, which knows nothing of the estimator's unknowns
     reading = made_readings(made, shift[None], rotation(law.tilt, shift.T).T[None]).output[0]
-    reading = reading + READING_NOISE * rng.normal(size=reading.shape)
+    reading = CONVERTER_STEP * np.round((reading + READING_NOISE * rng.normal(size=reading.shape)) / CONVERTER_STEP)
     loop = 1 + HYSTERESIS * rng.choice([-1.0, 1.0], size=(len(shift), 1))
     measured = force * loop + FORCE_NOISE * rng.normal(size=force.shape)
     depth = load[0] + STAND_ZERO + STAND_COMPLIANCE * force[:, 2] + 0.005 * rng.normal(size=len(shift))
@@ -169,7 +173,7 @@ def _judge(
     names = ("S1", "S2", "S3")
     bench = Bench(pd.DataFrame({"depth_mm": [0.0], "run": "a"}), names, [])
     un = sensor_fit.unknowns_of(base, bench, tolerances(), model_error=model[1])
-    sensor = Sensor(base, model[0], un, np.full(3, READING_NOISE), 0.05)
+    sensor = Sensor(base, model[0], un, np.full(3, of_average(READING_NOISE, CONVERTER_STEP)), 0.05)
     found = sensor_fit.fit_with_noise(sensor, rows[:ROWS], np.zeros(ROWS))
     readings, true = rows[MANY:, :3], force[MANY:]
     decoded = calibrated_forces.decode(found, readings, np.zeros(len(readings)))
@@ -179,12 +183,17 @@ def _judge(
     def rmse(values: Array) -> float:
         return float(np.sqrt(np.square(values).sum(axis=1).mean()))
 
+    inside = np.abs(off[known]) <= decoded.half_width[known]
     few, many = (force_regression.fit(rows[:n, :3], rows[:n, 3:6], 2).force(readings) - true for n in (ROWS, MANY))
     score: Row = {
         "rmse_N": rmse(off[known]),
         "quadratic_rmse_N": rmse(few),
         "quadratic_3000_rmse_N": rmse(many),
-        "inside_percent": 100 * float((np.abs(off[known]) <= decoded.half_width[known]).mean()),
+        "inside_percent": 100 * float(inside.mean()),
+        **{
+            f"inside_{axis}_percent": 100 * float(share)
+            for axis, share in zip("xyz", inside.mean(axis=0), strict=True)
+        },
         "lost": int((~known).sum()),
         "contradicted": len(calibration_study.contradicted(found)),
         "force_noise_N": found.sensor.force_noise,
@@ -238,8 +247,9 @@ def result(judged: Sequence[Row], unknowns: Sequence[Row], source: str, drawn: i
     inside = float(frame.inside_percent.mean(skipna=False))
     told = [("forces", inside), ("all unknowns", 100 * float(each.inside.mean()))]
     # of a few sensors the share of one unknown, or of regressions, is chance
+    axes = [(f"forces along {name[7]}", float(frame[name].mean(skipna=False))) for name in INSIDE]
     by_regressions = ("forces by regressions", float(frame.regression_inside_percent.mean(skipna=False)))
-    for name, share in [*told, *([by_regressions, *shares.inside_percent.items()] if n >= ENOUGH else [])]:
+    for name, share in [*told, *([*axes, by_regressions, *shares.inside_percent.items()] if n >= ENOUGH else [])]:
         goals.append(Goal(f"90 % intervals of {name} that hold", share, LEAST, n, "%", at_least=True))
         goals.append(Goal(f"90 % intervals of {name} that hold (not too wide)", share, MOST, n, "%"))
     # sensors with right priors, and with wrong ones
