@@ -10,7 +10,9 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import multiprocessing
 import tempfile
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -36,7 +38,8 @@ from studies.validation.pages import Row
 
 FILES = ("WINNERS.md", "winners.csv")
 WINNER = "winner.toml"
-SENSORS, SEED = 3, 11
+SENSORS, SEED, WORKERS = 2, 11, 2
+"""Made sensors of each design, seed of the first one, and processes."""
 UNSEEN = ((0.35, 0.5), (0.6, 0.3), (0.8, 0.9), (0.95, 0.6))
 """Shares of the required press, and of the largest force along the plate under it, of the loads that are decoded."""
 TURNS = (20.0, 110.0, 200.0, 290.0, 335.0)
@@ -68,7 +71,7 @@ def run(
     Parameters
     ----------
     winners
-        Folder of folders that `magtip size` wrote, each with winner.toml; presets with requirements are added.
+        Folder of folders that `magtip size` wrote, each with winner.toml; presets that are none of these are added.
     sensors
         Made sensors of each.
     quick
@@ -78,13 +81,16 @@ def run(
     if not files:
         raise BadInput(f"{str(winners)!r} has no folder with {WINNER}: give a folder of results of magtip size")
     sources = {file.parent.name: str(file) for file in files}
-    sources |= {f"preset {name}": name for name in PRESETS if stated_requirements(name)}
+    sized = [read_design(source, []) for source in sources.values()]
+    sources |= {f"preset {name}": name for name in PRESETS if read_design(name, []) not in sized}
     chosen, count = list(sources.items())[: 2 if quick else None], 1 if quick else sensors
+    asked = [(name, source, j) for name, source in chosen for j in range(count)]
     rows = list[Row]()
-    for k, (name, source) in enumerate(chosen):
-        for j in range(count):
-            progress((k + j / count) / len(chosen), f"{name}, sensor {j + 1} of {count}")
-            rows.append({"winner": name, "sensor": j} | judged(source, SEED + j))
+    with ProcessPoolExecutor(1 if quick else WORKERS, multiprocessing.get_context("spawn")) as pool:
+        answers = pool.map(judged, [source for _, source, _ in asked], [SEED + j for *_, j in asked])
+        for (name, _, j), answer in zip(asked, answers, strict=True):
+            rows.append({"winner": name, "sensor": j} | answer)
+            progress(len(rows) / len(asked), f"{name}, sensor {j + 1} of {count}")
     return result(rows, quick=quick)
 
 
