@@ -43,7 +43,7 @@ def needs(*programs):
 
 @pytest.fixture(scope="module")
 def firmware():
-    return decoder_export.prepare(paper(), None, None, "16k")
+    return decoder_export.prepare(paper(), "finite", None, "16k")
 
 
 @pytest.fixture(scope="module")

@@ -32,8 +32,8 @@ from analytic.parts import of_design
 from analytic.stream import Stream
 from geometry.design import BadInput, Design, paper
 from studies.cli import commands
-from studies.inputs.option_groups import Decoding
 from studies.sensing import decode_readings
+from studies.simulation import mechanics_sources
 from studies.streaming import clocks, frames, live_stream
 
 RECORDING = Path(studies.__file__).parent / "examples" / "recording.csv"
@@ -171,7 +171,7 @@ def test_serial_port_is_decoded_until_it_closes(capsys, tmp_path):
                 [
                     # frames come at once, so that their times are not known: no force may depend on them
                     *("stream", "paper", "--set", "hall_layout=tmag5273a1", "--set", "loss_factor=0"),
-                    *("--port", os.ttyname(port)),
+                    *("--port", os.ttyname(port), "--level", "paper"),
                     *("--frames", "anyskin", "--frame-chips", "2", "--chips", "2", "--axes", "y,-x,z"),
                     *("--out", str(tmp_path / "rows.csv")),
                 ]
@@ -322,7 +322,7 @@ def test_a_pipe_without_times_has_forces_of_slow_loading_and_says_so(tmp_path):
     assert "10 of 10 rows untimed: the time is not known" in found.stderr.replace("\n", " ")
     rows = list(csv.DictReader((tmp_path / "rows.csv").open()))
     assert {row["time_s"] for row in rows} == {""}
-    slow = Stream(decode_readings.prepare(paper(), Decoding(level="finite")))
+    slow = Stream(decode_readings.prepare(paper(), mechanics_sources.source_of(paper(), "finite", None)))
     field = field_of(of_design(paper()), [[float(rows[-1][f"S{k}_V"]) for k in (1, 2, 3)]])[0]
     assert float(rows[-1]["force_z_N"]) == pytest.approx(slow.step(tuple(field)).force[2])
 
@@ -353,7 +353,9 @@ def test_lines_of_a_chips_own_axes_need_no_other_order(capsys, tmp_path):
     text = "".join(f"7,7,7,{-y:.3f},{x:.3f},{-down:.3f}\n" for _ in range(3))
     (tmp_path / "capture.txt").write_text(text)
     chip = ("--set", "hall_layout=tmag5273a1", "--units", "uT", "--axes", "y,-x,z", "--frame-chips", 2, "--chips", 2)
-    status, rows = streamed(capsys, "--port", tmp_path / "capture.txt", "--rate", 9, "--speed", 0, *chip)
+    status, rows = streamed(
+        capsys, "--level", "paper", "--port", tmp_path / "capture.txt", "--rate", 9, "--speed", 0, *chip
+    )
     assert status == 0
     assert_allclose([rows[0][f"shift_{axis}_mm"] for axis in "xyz"], [0.1, 0.2, -0.4], atol=1e-2)
 
@@ -388,7 +390,7 @@ def test_a_zero_needs_a_number_of_each_element():
     live.zero_asked = True
     (row,) = live.rows([(0.0, (2.87, float("nan"), 2.79))])
     assert (row["status"], live.zero_asked) == ("not_finite", True)
-    assert "no zero was taken since it was asked for" in live.remarks[0]
+    assert "no zero was taken since it was asked for" in live.remarks[-1]
     # nor is one taken of rows whose times are not known
     live.rows([(math.nan, (2.87, 2.79, 2.79))])
     assert live.zero_asked
@@ -402,17 +404,23 @@ def test_a_zero_beyond_the_end_is_said(run):
     assert "the stream ended before --zero 9 s" in err
 
 
-def test_record_is_read_by_another_library(capsys, tmp_path):
-    """Forces act on the tip: a press points along -z; axes without an element, and torques, are NaN."""
+def topics_of(file):
+    """Times and messages of each topic of a record, read by another library."""
     from rosbags.highlevel import AnyReader
     from rosbags.typesys import Stores, get_typestore
 
-    file = tmp_path / "press.mcap"
-    _, rows = streamed(capsys, "--port", RECORDING, "--speed", 0, "--level", "finite", "--mcap", file)
     messages = {}
     with AnyReader([file], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
         for connection, moment, raw in reader.messages():
             messages.setdefault(connection.topic, []).append((moment, reader.deserialize(raw, connection.msgtype)))
+    return messages
+
+
+def test_record_is_read_by_another_library(capsys, tmp_path):
+    """Forces act on the tip: a press points along -z; axes without an element, and torques, are NaN."""
+    file = tmp_path / "press.mcap"
+    _, rows = streamed(capsys, "--port", RECORDING, "--speed", 0, "--level", "finite", "--mcap", file)
+    messages = topics_of(file)
     wrench = [message.wrench for _, message in messages["wrench"]]
     assert_allclose([w.force.z for w in wrench], [-row["force_z_N"] for row in rows])
     assert np.isnan([w.torque.x for w in wrench]).all()
@@ -423,6 +431,17 @@ def test_record_is_read_by_another_library(capsys, tmp_path):
     assert not s2.magnetic_field_covariance.any()
     assert [message.data for _, message in messages["status"]] == ["ok", "uncalibrated", "ok"]
     assert messages["wrench"][-1][0] - messages["wrench"][0][0] == pytest.approx(0.5e9)
+
+
+def test_a_record_of_a_table_has_its_zero(run, strict, tmp_path):
+    """With --zero the forces of --mcap are those of the table: both take the same rows for rest."""
+    file, zero = tmp_path / "press.mcap", ("--file", RECORDING, "--level", "finite", "--zero", "0.06")
+    status, out, _ = run("decode", "paper", *zero, "--mcap", file, "--json")
+    assert status == 0
+    rows, plain = strict(out), strict(run("decode", "paper", *zero[:-2], "--json")[1])
+    forces = [message.wrench.force.z for _, message in topics_of(file)["wrench"]]
+    assert_allclose(forces, [-row["force_z_N"] for row in rows], atol=1e-9)
+    assert abs(rows[-1]["force_z_N"] - plain[-1]["force_z_N"]) > 1e-3
 
 
 def test_page_shows_forces_and_takes_a_zero(chromium, tmp_path):

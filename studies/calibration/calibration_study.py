@@ -14,10 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analytic import parts
-from analytic.inverse.response_surface import Mechanics, of_formula, workspace
+from analytic.inverse.response_surface import Mechanics, workspace
 from geometry.arrays import Array, Ints
 from geometry.design import BadInput, Design
-from geometry.loads import Load, Response
 from geometry.messages import Progress
 from studies.calibration import (
     bench_file,
@@ -33,7 +32,6 @@ from studies.calibration.sensor_fit import Fit, Sensor
 from studies.inputs.option_groups import Calibrating
 from studies.inputs.table_input import UNITS
 from studies.inputs.user_input import design_text, pairs, parse_numbers
-from studies.mechanics import surrogate_response
 from studies.output import page_templates
 from studies.output.atomic_files import write_text
 from studies.output.figures import Figure, Guide, Look, plot, save
@@ -41,6 +39,7 @@ from studies.output.result import Result, Rows, Table
 from studies.parts.part_tolerances import Tolerances
 from studies.parts.requirements import LIGHTEST, Requirements, design_table, full_scale
 from studies.sensing.decode_readings import of_file
+from studies.simulation import mechanics_sources
 
 if TYPE_CHECKING:
     from studies.output.records import FlatRow
@@ -53,9 +52,6 @@ SIZES = (12, 30, 100, 300, 1000, 3000)
 """Numbers of rows of the learning curve."""
 TOGETHER, IRRELEVANT = 0.9, 0.05
 """Correlation of two unknowns that is told; share of the force's variance below which it does not depend on them."""
-LARGEST_FRICTION = 1.0
-"""Force along the plate over the press force of the states from which mechanics are fitted, at most: dry silicone
-slips before (requirements take 0.8)."""
 SOLVED_ERROR = 0.01
 """Relative standard deviation of the forces of solved states: level standard is within 1 % (results/accuracy)."""
 SAME = 0.9
@@ -105,29 +101,14 @@ def mechanics_of(design: Design, responses: Path | None) -> tuple[Mechanics, str
     if responses is not None:
         return of_file(responses, design), f"finite elements ({responses.name})", SOLVED_ERROR
     try:
-        beams = surrogate_response.beams_of([design])
-        deepest = 0.999 * design.D * float(min(beams.deepest[0], beams.stable_to()[0]))
-        farthest = 0.999 * design.D * float(beams.farthest[0])
-        law = of_formula(lambda load: _held(surrogate_response.respond(design, load).response), deepest, farthest)
-        errors = surrogate_response.respond(design, Load(depth=deepest / 2)).errors
+        found = mechanics_sources.of_surrogate(design)
+        width = mechanics_sources.half_width_of_press(design, found)
     except BadInput as error:
         raise BadInput(
             f"{str(error).removesuffix(': take finite elements')}: give --responses, states of finite elements that "
             "magtip solve --json printed"
         ) from None
-    return law, "surrogate of the finite elements", (errors["force"] or 0.0) / sensor_fit.QUANTILE
-
-
-def _held(response: Response) -> Response:
-    """Return a response, but refuse one that a plate holds by no friction.
-
-    There the press force falls along lines between states, which polynomials of a force that rises do not follow:
-    they would miss all others, too, by as much as a third of the force.
-    """
-    x, y, z = response.force
-    if not math.hypot(x, y) <= LARGEST_FRICTION * z:
-        raise BadInput("the plate would slip")
-    return response
+    return found.law, mechanics_sources.in_words(found), width / sensor_fit.QUANTILE
 
 
 def estimate_lag(bench: Bench) -> float | None:

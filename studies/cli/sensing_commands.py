@@ -12,7 +12,7 @@ from cyclopts import Parameter
 from geometry.design import BadInput
 from studies.cli.parameters import Call, verb
 from studies.inputs import option_groups
-from studies.inputs.option_groups import CALIBRATION, Basis, LayoutParts, Pose
+from studies.inputs.option_groups import CALIBRATION, SOURCES, Basis, LayoutParts, Pose
 from studies.inputs.user_input import say_no_effect
 from studies.output import atomic_files, console
 from studies.output.result import GOOD, Destination, Result, of_record, publish, show
@@ -189,6 +189,7 @@ def decode(
     from studies.parts.part_tolerances import parse_tolerances
     from studies.sensing import decode_readings
     from studies.sensitivity import decode_tolerances
+    from studies.simulation import mechanics_sources
 
     readings, file, here = decoding.readings, decoding.file, call.screen
     if (readings is None) == (file is None):
@@ -210,9 +211,10 @@ def decode(
         with atomic_files.sole_writer(call.out):
             return show(calibration_file.decode(design, decoding, call.out, as_json=call.as_json), here)
     made = parse_tolerances(decoding.tolerances or [], design, call.source)
-    coder = decode_readings.prepare(design, decoding)
+    source = mechanics_sources.source_of(design, decoding.level, decoding.responses)
+    coder = decode_readings.prepare(design, source, ignore_tilt=decoding.ignore_tilt)
     if readings is not None:
-        answer, field, found = decode_readings.decode_text(coder, readings, decoding)
+        answer, field, found = decode_readings.decode_text(coder, readings, decoding, source)
         checked = decode_tolerances.check(coder, field, found, made)
         return show(decode_readings.result(checked.of_one(answer, found.force)), here)
 
@@ -221,7 +223,7 @@ def decode(
         return checked.status, checked.warnings(found.force)
 
     with atomic_files.sole_writer(call.out):
-        return show(decode_readings.decode_file(coder, decoding, call.out, check, as_json=call.as_json), here)
+        return show(decode_readings.decode_file(coder, decoding, source, call.out, check, as_json=call.as_json), here)
 
 
 @verb("source sets as_json", out="CSV file for time, readings, status, force and shift of each row.", at=1)
@@ -287,7 +289,7 @@ def firmware(
     *,
     out: Path,
     flash: str = "64k",
-    level: str | None = None,
+    level: Annotated[str | None, SOURCES] = None,
     responses: Path | None = None,
     tolerances: Annotated[list[str] | None, Parameter(name="--tolerance")] = None,
     calibration: Annotated[Path | None, CALIBRATION] = None,
@@ -302,8 +304,6 @@ def firmware(
     flash
         Largest size of decoder and tables on a Cortex-M4F, bytes or 64k; a smaller one makes the tables coarser, and
         the result and the header say what this costs.
-    level
-        Formulas for tilt and load: paper, column, tip, magnet or finite; default: finite.
     responses
         File of states printed by `magtip solve --json`, one per line, for tilt and load instead of formulas.
     tolerances

@@ -41,6 +41,7 @@ from studies.parts.part_tolerances import Tolerances, tolerances
 from studies.parts.requirements import Requirements, full_scale
 from studies.sensing import decode_readings
 from studies.sensitivity import decode_tolerances
+from studies.simulation import mechanics_sources
 
 if TYPE_CHECKING:
     from analytic.decode import Status
@@ -52,8 +53,6 @@ STATUSES: tuple[Status, ...] = (
     "out_of_range",
 )
 """Statuses of the decoder by their numbers in C."""
-LEVEL = "finite"
-"""Formulas that give the mechanics if nothing else does."""
 SIZES = (
     *(((8, 8, 4), 40), ((8, 8, 4), 28), ((8, 8, 4), 20), ((8, 8, 4), 16)),
     *(((6, 6, 4), 16), ((6, 6, 4), 12), ((6, 6, 4), 10), ((5, 5, 3), 12), ((5, 5, 3), 10)),
@@ -177,10 +176,9 @@ def prepare(
         coder, unsure, warming = calibrated(design, calibration)
         source, sizes, rest = "a calibration of this sensor", None, (np.zeros((len(coder.sigma),) * 2), 0.0)
     else:
-        law = decode_readings.mechanics_of(design, level or (None if responses else LEVEL), responses)
-        coder, unsure, warming = decoder(design, law), None, {}
-        name = decode_readings.level_name(level, responses, LEVEL)
-        source = "solved states" if responses else f"formulas of level {name}"
+        chosen = mechanics_sources.source_of(design, level, responses)
+        coder, unsure, warming = decoder(design, chosen.law), None, {}
+        source = mechanics_sources.in_words(chosen)
         sizes = tolerances() if made is None else made
         at_rest = decode_tolerances.AtRest(coder, sizes)
         # the share of made sensors beyond a row below this is at least DOUBTFUL

@@ -49,6 +49,11 @@ FORMULAS = Parameter(
     help="Formulas for tilt and load: paper (no tilt, too small a force), column, tip, magnet or finite; "
     "default: paper."
 )
+SOURCES = Parameter(
+    help="Source of tilt and load: surrogate (of the finite elements, with intervals), fem (finite elements, solved "
+    "or from the store), or formulas: finite, magnet, tip, column, paper; default: the first of surrogate, fem, "
+    "finite and paper that covers the design."
+)
 RESPONSES = Parameter(
     help="File of states printed by `magtip solve --json` (or `analytic --json`), one per line, for tilt and load "
     "instead of formulas."
@@ -252,10 +257,10 @@ class Decoding:
     that repeat, are missing or jump are marked; without it they are those of slow loading."""
     zero: str | None = None
     """Times FROM,TO of the file, s, in which the sensor is at rest: the mean of these readings is taken for those at
-    rest."""
+    rest. One time TO means from the first row on."""
     units: Literal["T", "V"] | None = None
     """Unit of the readings: V (output) or T (flux density B.n); default: the unit of the elements' output."""
-    level: Annotated[str | None, FORMULAS] = None
+    level: Annotated[str | None, SOURCES] = None
     responses: Annotated[Path | None, RESPONSES] = None
     ignore_tilt: Annotated[bool, NO_TILT] = False
     tolerances: Annotated[list[str] | None, Parameter(name="--tolerance")] = None
@@ -352,7 +357,7 @@ class Streaming:
     rest: Annotated[float, Parameter(name="--zero")] = 0.0
     """Time at the start, s, in which nothing touches the sensor: its readings are taken for those at rest. On a
     terminal, z and Enter take those of the last half second."""
-    level: Annotated[str | None, FORMULAS] = None
+    level: Annotated[str | None, SOURCES] = None
     responses: Annotated[Path | None, RESPONSES] = None
     calibration: Annotated[Path | None, CALIBRATION] = None
     temperature: Annotated[float | None, TEMPERATURE] = None

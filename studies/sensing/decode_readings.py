@@ -76,17 +76,18 @@ NO_CONTACT = (
 )
 
 
-def limit_sentence(coder: Decoder, limit: Limit | None, *, solved: bool) -> str:
+def limit_sentence(coder: Decoder, limit: Limit | None, source: Source) -> str:
     """Return a sentence: why readings are out of the workspace, and what to do.
 
     Parameters
     ----------
     limit : the limit that the pose exceeds; None if there is no pose outside the workspace either.
-    solved : True if the mechanics come from states, False if they come from formulas.
     """
     if limit is None:
         return WHY["out_of_workspace"]
-    return sentences("limit", limit=limit, low=coder.low.tolist(), high=coder.high.tolist(), solved=solved)[0]
+    kind = "formulas" if source.is_formula else {RESPONSES: "states", "fem": "solved states"}.get(source.name)
+    known = {"low": coder.low.tolist(), "high": coder.high.tolist(), "solved": source.name == RESPONSES}
+    return sentences("limit", limit=limit, kind=kind or source.name, **known)[0]
 
 
 def result(record: FlatRow) -> Result:
@@ -97,11 +98,41 @@ def result(record: FlatRow) -> Result:
     return dataclasses.replace(found, warnings=warnings, failures=lost)
 
 
-def prepare(design: Design, decoding: Decoding) -> Decoder:
-    """Return the decoder of a design with the mechanics of a level of the formulas, or of the states in a file."""
-    law = mechanics_of(design, decoding.level, decoding.responses)
-    warn_if_upright(law, ignore_tilt=decoding.ignore_tilt)
-    return decoder(design, law, ignore_tilt=decoding.ignore_tilt)
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class Source:
+    """Mechanics of a decoder and where they come from.
+
+    Attributes
+    ----------
+    name : a level of the formulas, "surrogate", "fem", or RESPONSES for states in a file.
+    reason : why it is this source, in words.
+    half_width : the half width of the 90 % interval of the force under a load, over the force; None where the source
+        has no intervals.
+    warning : what speaks against the forces of this source; empty where nothing does.
+    chosen : whether nobody asked for this source: it is the best one that covers the design.
+    """
+
+    name: str
+    law: Mechanics
+    reason: str
+    half_width: Callable[[Load], float] | None = None
+    warning: str = ""
+    chosen: bool = False
+
+    @property
+    def is_formula(self) -> bool:
+        return self.name in beam.LEVELS
+
+    @property
+    def said(self) -> list[str]:
+        """Name and reason, in a sentence, if the source was chosen."""
+        return [f"level {self.name}: {self.reason}"] * self.chosen
+
+
+def prepare(design: Design, source: Source, *, ignore_tilt: bool = False) -> Decoder:
+    """Return the decoder of a design with the mechanics of a source."""
+    warn_if_upright(source.law, ignore_tilt=ignore_tilt)
+    return decoder(design, source.law, ignore_tilt=ignore_tilt)
 
 
 def mechanics_of(design: Design, level: str | None, file: Path | None) -> Mechanics:
@@ -158,8 +189,8 @@ def of_file(path: Path, design: Design) -> Mechanics:
         raise BadInput(f"{path}: {error}") from None
 
 
-def decode_text(coder: Decoder, text: str, decoding: Decoding) -> tuple[FlatRow, Array, Decoded]:
-    """Decode one set of readings a,b,c.
+def decode_text(coder: Decoder, text: str, decoding: Decoding, source: Source) -> tuple[FlatRow, Array, Decoded]:
+    """Decode one set of readings a,b,c, by the mechanics of a source.
 
     Returns
     -------
@@ -169,10 +200,11 @@ def decode_text(coder: Decoder, text: str, decoding: Decoding) -> tuple[FlatRow,
         elements' noise causes; noise_N_per_N : over the size of the force, NaN without one. finite_force_N : force
         by level finite at this pose; None if it is not compared. beyond : limit of the workspace that the pose
         exceeds; outside_mm : shift of the pose outside the workspace, NaN without one. fit_error_rad, fit_error_N :
-        errors of the polynomials for tilt and force; None without mechanics.
+        errors of the polynomials for tilt and force; None without mechanics. level_half_width_N : half width of the
+        90 % interval of the force by the source at this load; None where it has none.
     field, decoded : the readings, shape (1, k), T, and what was decoded from them.
     """
-    elements, level = coder.forward.elements, level_name(decoding.level, decoding.responses)
+    elements = coder.forward.elements
     values = user_input.parse_numbers("--readings", text)
     if len(values) != len(elements):
         names = ",".join(element.name for element in elements)
@@ -182,18 +214,19 @@ def decode_text(coder: Decoder, text: str, decoding: Decoding) -> tuple[FlatRow,
     tilt, tilt_y = tilts_of(*decoded.tilt[0].tolist())
     depth, shear, shear_y = decoded.load[0].tolist()
     contact = None if math.isnan(depth) else depth > 0
-    gap, size = force_gap(coder, level, decoded.shift, decoded.force), math.hypot(*decoded.force[0].tolist())
+    gap, size = force_gap(coder, source.name, decoded.shift, decoded.force), math.hypot(*decoded.force[0].tolist())
     record = {
         "status": decoded.status[0],
         "message": "",
-        "level": level,
+        "level": source.name,
+        "level_reason": source.reason,
         "readings_T": field[0].tolist(),
         "shift_mm": decoded.shift[0].tolist(),
         "tilt_rad": tilt,
         "tilt_y_rad": tilt_y,
         "rotation_rad": decoded.tilt[0].tolist(),
         "force_N": decoded.force[0].tolist(),
-        "finite_force_N": None if gap is None or level == BEST else gap.finite[0].tolist(),
+        "finite_force_N": None if gap is None or source.name == BEST else gap.finite[0].tolist(),
         "contact": contact,
         "depth_mm": depth,
         "shear_mm": shear,
@@ -209,18 +242,27 @@ def decode_text(coder: Decoder, text: str, decoding: Decoding) -> tuple[FlatRow,
         "workspace_mm": [coder.low.tolist(), coder.high.tolist()],
         "fit_error_rad": coder.mechanics.errors[0] if coder.mechanics else None,
         "fit_error_N": max(coder.mechanics.errors[1:3]) if coder.mechanics else None,
-        "warnings": [] if gap is None else level_warnings(level, gap),
+        "level_half_width_N": _half_width(source, decoded.load[0], size),
+        "warnings": [*[source.warning] * bool(source.warning), *level_warnings(source.name, gap)],
     }
-    return record | _why(coder, field, decoded, level, contact=contact), field, decoded
+    return record | _why(coder, field, decoded, source, contact=contact), field, decoded
 
 
-def _why(coder: Decoder, field: Array, decoded: Decoded, level: str, *, contact: bool | None) -> FlatRow:
+def _half_width(source: Source, load: Array, size: float) -> float | None:
+    """Return the half width of the 90 % interval of a force of a size, N, by a source at a load (3,), mm."""
+    if source.half_width is None or not size > 0:
+        return None
+    depth, x, y = load.tolist()
+    return size * source.half_width(Load(depth, x, y, friction="stick"))
+
+
+def _why(coder: Decoder, field: Array, decoded: Decoded, source: Source, *, contact: bool | None) -> FlatRow:
     (status,) = decoded.status
     found: FlatRow = {"message": WHY[status]}
     if status == "out_of_workspace":
         (pose,) = poses_outside(coder, field)
         limit = exceeded_limit(coder, pose)
-        message = limit_sentence(coder, limit, solved=level == RESPONSES)
+        message = limit_sentence(coder, limit, source)
         found = {"message": message, "beyond": limit, "outside_mm": pose.tolist()}
     if contact is False:
         said = NO_CONTACT.format(math.hypot(*decoded.shift[0, :2]))
@@ -258,6 +300,7 @@ MANY = 500
 def decode_file(
     coder: Decoder,
     decoding: Decoding,
+    source: Source,
     out: Path | None,
     check: Callable[[Array, Decoded], tuple[list[Status], list[str]]],
     *,
@@ -270,7 +313,7 @@ def decode_file(
     not_finite. `check` returns the status of each row, which may differ from the decoder's, and warnings. A row
     without an answer is a failure.
     """
-    elements, level = coder.forward.elements, level_name(decoding.level, decoding.responses)
+    elements = coder.forward.elements
     assert decoding.file is not None
     unit = decoding.units or elements[0].unit
     target = None if out is None else atomic_files.check_output_file(out, ".csv")
@@ -302,8 +345,8 @@ def decode_file(
     tilt, tilt_y = tilts_of(*decoded.tilt.T)
     parts = (decoded.shift, tilt, tilt_y, decoded.force, decoded.load, decoded.condition, relaxing)
     numbers = zip(statuses, np.column_stack(parts).tolist(), decoded.multiplicity.tolist(), strict=True)
-    found = [(status, *line, count, level) for status, line, count in numbers]
-    result = partial(_result, coder, slow, field, level, statuses, said)
+    found = [(status, *line, count, source.name) for status, line, count in numbers]
+    result = partial(_result, coder, slow, field, source, statuses, said)
     if as_json and target is None:
         rows_of = enumerate(zip(field.tolist(), found, strict=True), 1)
         console.report(
@@ -339,8 +382,13 @@ def rows_at_rest(
     if times is None:
         raise BadInput(f"--zero needs the time of each row: {decoding.file} has no column time_s")
     ends = user_input.parse_numbers("--zero", text)
+    if len(ends) == 1:
+        ends = [float(times[0]), *ends]
     if len(ends) != 2 or not ends[0] < ends[1]:
-        raise BadInput(f"--zero takes two times FROM,TO in s, the first one before the second; got {text!r}")
+        raise BadInput(
+            "--zero takes times FROM,TO in s, the first one before the second, or TO after the first row; "
+            f"got {text!r}"
+        )
     inside = (ends[0] <= times) & (times <= ends[1])
     if not (np.isfinite(readings) & ~full)[inside].any(axis=0).all():
         raise BadInput(
@@ -401,22 +449,21 @@ def _result(
     coder: Decoder,
     decoded: Decoded,
     field: Array,
-    level: str,
+    source: Source,
     statuses: list[Status],
     said: list[str],
     *,
     printed: bool,
 ) -> Result:
-    gap = force_gap(coder, level, decoded.shift, decoded.force)
+    gap = force_gap(coder, source.name, decoded.shift, decoded.force)
     counts: dict[str, int] = {name: statuses.count(name) for name in WHY if name in statuses}
-    remarks: list[str] = []
-    failures: list[str] = []
+    remarks, failures = source.said, list[str]()
     for status, count in counts.items():
         why = [WHY[status]]
         if status == "out_of_workspace":
             rows = [k for k, word in enumerate(decoded.status) if word == "out_of_workspace"][:MOST_SEARCHED]
             limits = Counter(exceeded_limit(coder, pose) for pose in poses_outside(coder, field[rows]))
-            texts = {limit: limit_sentence(coder, limit, solved=level == RESPONSES) for limit in limits}
+            texts = {limit: limit_sentence(coder, limit, source) for limit in limits}
             why = [texts[limit] + (f" ({n} of {count})" if len(texts) > 1 else "") for limit, n in limits.items()]
         if status != "ok":
             said_of = remarks if status in WITH_POSE else failures
@@ -428,7 +475,7 @@ def _result(
         title="Decoded",
         records=[] if printed else [counts],
         shown=[],
-        warnings=([] if gap is None else level_warnings(level, gap)) + said,
+        warnings=[*[source.warning] * bool(source.warning), *level_warnings(source.name, gap), *said],
         remarks=remarks,
         failures=failures,
     )
@@ -454,8 +501,8 @@ class Gap(NamedTuple):
 
 
 def force_gap(coder: Decoder, level: str, shift: Array, force: Array) -> Gap | None:
-    """Compare forces (n, 3), N, at shifts (n, 3), mm, with level finite; None if there is nothing to compare."""
-    if coder.mechanics is None or level == RESPONSES:
+    """Compare forces (n, 3), N, at shifts (n, 3), mm, with level finite; None for a source better than that."""
+    if coder.mechanics is None or level not in beam.LEVELS:
         return None
     design, law = coder.forward.design, coder.mechanics if level == BEST else None
     # level finite refuses some designs; the gap is then of unknown size
@@ -479,8 +526,10 @@ def finite_force(design: Design, law: Mechanics | None, shift: Array) -> Array:
     return np.where(inside, force, np.nan).T
 
 
-def level_warnings(level: str, gap: Gap) -> list[str]:
+def level_warnings(level: str, gap: Gap | None) -> list[str]:
     """Return warnings: forces that differ much from level finite, and forces whose error is unknown."""
+    if gap is None:
+        return []
     chosen, best, apart = (
         np.sqrt((values**2).sum(axis=1)) for values in (gap.force, gap.finite, gap.force - gap.finite)
     )

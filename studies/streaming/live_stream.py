@@ -27,6 +27,7 @@ import numpy as np
 
 from analytic import parts
 from analytic.decode import field_of, state
+from analytic.hall import at_rail
 from analytic.inverse.forward_model import model, readings_at, readings_with_slopes
 from analytic.stream import Stream
 from analytic.time_series import RelaxingForce
@@ -39,6 +40,7 @@ from studies.output import atomic_files, console, text_tables
 from studies.output.result import Result
 from studies.sensing import decode_readings
 from studies.sensitivity.decode_tolerances import AtRest
+from studies.simulation import mechanics_sources
 from studies.streaming import frames, recording, sources
 from studies.streaming.clocks import Arrival, DeviceClock, Row
 from studies.streaming.sources import Decoded, Sink
@@ -67,11 +69,11 @@ class Nominal:
 
     columns = FOUND
     thermal = False
-    said: Sequence[str] = ()
 
     def __init__(self, design: Design, options: Streaming, jitter: float) -> None:
-        decoding = Decoding(level=options.level, responses=options.responses)
-        self.stream = _loaded(Stream(decode_readings.prepare(design, decoding), jitter))
+        source = mechanics_sources.source_of(design, options.level, options.responses)
+        self.said = [*source.said, *[source.warning] * bool(source.warning)]
+        self.stream = _loaded(Stream(decode_readings.prepare(design, source), jitter))
         self._at_rest = AtRest(self.stream.coder)
 
     def zero(self, readings: Array, temperatures: Array) -> None:
@@ -252,15 +254,7 @@ class Live:
 
     def rows(self, arrived: Sequence[Row]) -> list[Decoded]:
         """Decode frames; those of the first `rest` seconds make the zero, and give no row."""
-        read = [
-            # an infinite number is none
-            (
-                moment,
-                tuple(v if math.isfinite(v) else math.nan for v in self._of_frame(numbers)),
-                math.nan if self._warmth is None else self._warmth(numbers),
-            )
-            for moment, numbers in arrived
-        ]
+        read = self._read(arrived)
         if self._rest:
             # rows without a time stand before those with one
             self._recent += [row for row in read if not row[0] >= self._rest]
@@ -288,6 +282,26 @@ class Live:
             self._timed += len(known)
         self.counts.update(row["status"] for row in rows)
         return rows
+
+    def _read(self, arrived: Sequence[Row]) -> list[tuple[float, tuple[float, ...], float]]:
+        """Return time, readings and temperature of frames; NaN for what is not there, and for an infinite number."""
+        return [
+            (
+                moment,
+                tuple(v if math.isfinite(v) else math.nan for v in self._of_frame(numbers)),
+                math.nan if self._warmth is None else self._warmth(numbers),
+            )
+            for moment, numbers in arrived
+        ]
+
+    def zero_in(self, decoding: Decoding, arrived: Sequence[Row]) -> None:
+        """Take the readings of frames within the times of --zero of `decode` for those at rest."""
+        read = self._read(arrived)
+        times, readings, warmth = (np.array(values) for values in zip(*read, strict=True))
+        elements = parts.of_design(self.design)
+        full = at_rail(elements, field_of(elements, readings).T).T
+        rest = decode_readings.rows_at_rest(decoding, readings, times, full)
+        self._decoder.zero(np.where(full, np.nan, readings)[rest], warmth[rest])
 
     @property
     def remarks(self) -> Sequence[str]:
@@ -580,8 +594,8 @@ def record(design: Design, decoding: Decoding, path: Path) -> None:
     """
     if decoding.file is None:
         raise BadInput("--mcap works with --file only: leave it out")
-    if decoding.units or decoding.zero or decoding.tolerances or decoding.ignore_tilt:
-        raise BadInput("--mcap records a --file as it is: leave --units, --zero, --tolerance and --ignore-tilt out")
+    if decoding.units or decoding.tolerances or decoding.ignore_tilt:
+        raise BadInput("--mcap records a --file as it is: leave --units, --tolerance and --ignore-tilt out")
     atomic_files.check_output_file(path, ".mcap")
     options = Streaming(
         port=str(decoding.file),
@@ -592,8 +606,11 @@ def record(design: Design, decoding: Decoding, path: Path) -> None:
         temperature=decoding.temperature,
     )
     live, source = Live(design, options), source_of(design, options)
+    parts = list(source.rows())
+    if decoding.zero is not None:
+        live.zero_in(decoding, [row for arrived in parts for row in arrived])
     with atomic_files.atomic(path) as part, recording.mcap_file(part, design, recording.FRAME) as write:
-        for arrived in source.rows():
+        for arrived in parts:
             write(live.rows(arrived))
 
 
