@@ -2,7 +2,8 @@
 
 `recording.csv` holds a press to 1.5 mm and then a shear to 1.2 mm of a plate that sticks, sampled every 50 ms. Tilt
 and force of slow loading follow from the magnet's shift by the formulas of level finite, which know the rigid magnet;
-`stream.step(field, time)` adds what the silicone relaxes, as `magtip decode paper --file recording.csv` does.
+`stream.step(field, time)` adds what the silicone relaxes, as
+`magtip decode paper --file recording.csv --level finite` does.
 """
 
 from __future__ import annotations
