@@ -37,8 +37,8 @@ from studies.calibration.bench_file import FORCES, MOTIONS
 from studies.calibration.press_plan import Plan
 from studies.inputs.option_groups import Planning
 from studies.output.result import Result, Rows, Table
-from studies.parts.part_tolerances import Tolerances
-from studies.sensitivity.made_sensors import MadeSensors, made_sensors
+from studies.parts.part_tolerances import Parts, Tolerances
+from studies.sensitivity.made_sensors import MadeSensors, sold_sensors
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -94,6 +94,7 @@ class States:
 def run(
     design: Design,
     made: Tolerances,
+    bought: Parts,
     needed: Requirements | None,
     options: Planning,
     progress: Progress,
@@ -103,6 +104,7 @@ def run(
     Parameters
     ----------
     made : tolerances of the sensor.
+    bought : the parts of the catalogues that it is made of, in whose ranges a simulated one lies.
     needed : its requirements; None for usual loads.
 
     Raises
@@ -120,7 +122,7 @@ def run(
     record = plan.record()
     if options.simulate:
         stand = dataclasses.replace(stand, force_noise=plan.sensor.force_noise)
-        one = made_sensors(design, made, 1, options.seed)
+        one = sold_sensors(design, 1, options.seed, bought, made)
         found = bench(plan, one, stand, options.seed, lambda share, text: progress(0.1 + 0.4 * share, text))
         slow = recording(plan, one, stand, options.seed, lambda share, text: progress(0.5 + 0.5 * share, "recording"))
         tables |= {

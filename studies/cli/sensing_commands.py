@@ -114,7 +114,7 @@ def bench(call: Call, *, out: Path | None = None, options: option_groups.Plannin
         `magtip calibrate`. With --simulate also bench.csv and recording.csv.
     """
     from studies.calibration import simulated_bench
-    from studies.parts.part_tolerances import parse_tolerances
+    from studies.parts.part_tolerances import parse_tolerances, parts_of_file
     from studies.parts.requirements import stated_requirements
 
     if options.simulate and out is None:
@@ -125,7 +125,8 @@ def bench(call: Call, *, out: Path | None = None, options: option_groups.Plannin
     here = call.here((*simulated_bench.FILES, *simulated_bench.SIMULATED * options.simulate), [options.responses])
     design = call.design()
     made = parse_tolerances(options.tolerances or [], design, call.source)
-    return publish(partial(simulated_bench.run, design, made, stated_requirements(call.source), options), here)
+    bought, needed = parts_of_file(design, call.source), stated_requirements(call.source)
+    return publish(partial(simulated_bench.run, design, made, bought, needed, options), here)
 
 
 @verb("source sets wide as_json")

@@ -34,6 +34,7 @@ from studies.parts.part_tolerances import (
     Tolerances,
     batches_of,
     of_batch,
+    parts_of,
     tolerances,
     tolerances_of,
 )
@@ -126,17 +127,25 @@ def made_sensors(
     )
 
 
-def sold_sensors(design: Design, count: int = 1, seed: int = 0, parts: Parts | None = None) -> MadeSensors:
+def sold_sensors(
+    design: Design, count: int = 1, seed: int = 0, parts: Parts | None = None, sizes: Tolerances | None = None
+) -> MadeSensors:
     """Draw made sensors whose silicones and magnets lie anywhere in the ranges of what is sold.
 
-    parts : default: those of the shipped catalogues that the design is made of.
+    parts : default: those of the shipped catalogues that the design is made of; values that none has deviate within
+        their tolerances.
+    sizes : tolerances, default: those of the parts; E, nu and remanence with others deviate within these.
     """
+    known, usual = parts_of(design) if parts is None else parts, tolerances_of(design, parts)
+    sizes = usual if sizes is None else sizes
     shares = np.random.default_rng([seed, count]).random((3, count))
+    sold = {"E": known.silicone, "nu": known.silicone, "remanence": known.magnet}
     batches = {
         name: lambda _, k=k, name=name, low=low, high=high: of_batch(low, getattr(design, name), high, shares[k])
         for k, (name, (low, high)) in enumerate(batches_of(design, parts).items())
+        if sold[name] is not None and sizes[name] == usual[name]
     }
-    return made_sensors(design, tolerances_of(design, parts), count, seed, batches=batches)
+    return made_sensors(design, sizes, count, seed, batches=batches)
 
 
 def check_draw(design: Design, count: int, seed: int) -> None:
