@@ -203,7 +203,9 @@ def _choice(trial: Trial, proof: Proof, fem: FiniteElements) -> list[FlatRow]:
     if point is None:
         return []
     (name,) = trial.changed
-    return [_row(name, trial.before, _chosen(name, needed, point.variant), unit="mm" if name == "D" else "1")]
+    to = _chosen(name, needed, point.variant)
+    before = not to if isinstance(to, bool) else trial.before
+    return [_row(name, before, to, unit="mm" if name == "D" else "1")]
 
 
 def _chosen(name: str, needed: Requirements, variant: Variant) -> Any:
