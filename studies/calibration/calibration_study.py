@@ -619,15 +619,14 @@ def shortcoming(found: Fit, expected: Sensor, truth: Array, inside: float) -> tu
         return f"the model is off: measured forces miss it by {own:.2g} N, where {usual:.2g} N were expected", CHECK
     if not inside >= HELD:
         return f"the model is off: its intervals hold {inside:.2g} % of the forces", CHECK
-    nothing, cold = np.zeros_like(found.covariance), np.zeros(len(found.shift))
-    both = calibrated_forces.intervals(found, [found.covariance, nothing], found.shift, cold)
-    whole, noise = (float(np.nanmean(np.square(half))) for half in both)
-    if noise > whole / 2:
-        share = f"{100 * noise / whole:.2g} %"
-        return f"noise of the readings makes {share} of the variance of its forces", "average more readings"
-    rows, count = len(found.shift), len(found.sensor.unknowns.free)
-    share = f"{100 * (1 - noise / whole):.2g} %"
-    few = f"what {rows} rows leave open of {count} unknowns makes {share} of the variance of its forces"
+    share = calibrated_forces.variance_shares(found)
+    most = max(share, key=lambda name: share[name])
+    variance = f"makes {100 * share[most]:.2g} % of the variance of its forces"
+    if most == "noise":
+        return f"noise of the readings {variance}", "average more readings"
+    if most == "mechanics":
+        return f"what the mechanics miss of any beam {variance}", "give --responses, states of this design"
+    few = f"what {len(found.shift)} rows leave open of {len(found.sensor.unknowns.free)} unknowns {variance}"
     return few, "press more often"
 
 
