@@ -42,7 +42,11 @@ const Figures = (() => {
     one.datasets = Object.fromEntries(
       Object.entries(one.datasets).map(([name, columns]) => [name, objects(columns)]),
     );
-    if (one.spec) one.columns = Math.max(1, Math.min(one.columns, Math.floor(width / (one.spec.width + (one.spacing?.column ?? 20)))));
+    if (one.spec)
+      one.columns = Math.max(
+        1,
+        Math.min(one.columns, Math.floor(width / (one.spec.width + (one.spacing?.column ?? 20)))),
+      );
     else if (typeof one.width === "number") one.width = Math.max(180, Math.min(one.width, width - 90));
     return one;
   }
