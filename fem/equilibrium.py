@@ -24,16 +24,11 @@ from fem.scene import Model, Scene
 from fem.solution import Solution
 from fem.solve.load_case_models import path_models, split_by_mesh
 from fem.solve.load_stepping import Path
-from fem.solve.newton import TOLERANCE
 from geometry.design import Design
 from geometry.loads import ANSWERED, Load, Magnet
 from geometry.messages import Progress
 
 __all__ = ["solve", "trace", "walk"]
-
-ROUGH_TOLERANCE = 1e-6
-"""Newton's tolerance of the states on the coarser mesh, which differ by 1e-4 or more from those that they are
-compared with."""
 
 
 def solve(
@@ -138,7 +133,7 @@ def walk(scene: Scene, *, estimate: bool = True, progress: Progress | None = Non
     for loads in split_by_mesh(scene):
         report = None if progress is None else functools.partial(_report, progress, scene, done)
         states = _follow(replace(scene, loads=loads), report, watch=coarse is not None)
-        coarse_states = None if coarse is None else _follow(replace(coarse, loads=loads), None, ROUGH_TOLERANCE)
+        coarse_states = None if coarse is None else _follow(replace(coarse, loads=loads), None)
         for state in states:
             coarse_state = None if coarse_states is None else next(coarse_states, None)
             yield state if coarse_state is None else with_estimates(state, coarse_state, scene)
@@ -163,11 +158,9 @@ def with_estimates(state: Solution, coarse_state: Solution, scene: Scene) -> Sol
     return replace(state, seconds=seconds, estimates=estimates)
 
 
-def _follow(
-    scene: Scene, report: Callable[[int, Load], None] | None, tolerance: float = TOLERANCE, *, watch: bool = False
-) -> Generator[Solution]:
+def _follow(scene: Scene, report: Callable[[int, Load], None] | None, *, watch: bool = False) -> Generator[Solution]:
     """Solve for the states of loads that share a mesh; report the number of those that are solved."""
-    begin, path = time.perf_counter(), Path(replace(path_models(scene), tolerance=tolerance))
+    begin, path = time.perf_counter(), Path(path_models(scene))
     state, margin = path.rest, sideways_model(scene, path).margin if watch else None
     for i, load in enumerate(scene.loads):
         if report is not None:
