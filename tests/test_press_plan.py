@@ -141,6 +141,7 @@ def test_a_plan_that_is_filled_in_is_a_bench(run, tmp_path):
         ("", ["--simulate"], "--simulate writes bench.csv and recording.csv: add --out FOLDER"),
         ("", ["--presses", "3"], "the number of presses must lie between 4 and 48; got 3"),
         ("", ["--force-noise", "0"], "--force-noise must be above 0 N"),
+        ("", ["--simulate", "--out", "o", "--seed", "-1"], "--seed must be 0 or more; got -1"),
         (
             "",
             ["--simulate", "--out", "o", "--reading-noise", "-1"],

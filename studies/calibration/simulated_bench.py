@@ -150,6 +150,8 @@ def _stand_of(options: Planning) -> Stand:
     ):
         if value is not None and not (least <= value < math.inf):
             raise BadInput(f"--{name} must be a finite number{', 0 or more' if least == 0 else ''}; got {value:g}")
+    if options.seed < 0:
+        raise BadInput(f"--seed must be 0 or more; got {options.seed}")
     if options.force_noise == 0:
         raise BadInput("--force-noise must be above 0 N, since it weighs the forces of the plan; got 0")
     return Stand(1.0, options.reading_noise, options.stand_zero, options.stand_compliance, level(options.accuracy))
