@@ -15,7 +15,7 @@ from studies.inputs.option_groups import Basis
 from studies.output import figures
 from studies.sensing import decode_readings, force_range, layout_metrics, layout_search, layout_uniqueness
 
-FOLDED = ("--set", "magnet_height=4", "--set", "l0=6", "--set", "c=4")
+FOLDED = ("--level", "paper", "--set", "magnet_height=4", "--set", "l0=6", "--set", "c=4")
 
 
 @pytest.fixture(autouse=True)
@@ -38,7 +38,7 @@ def small(monkeypatch):
 
 
 def test_the_paper_is_unique_and_its_shares_add_up(run, strict):
-    status, out, err = run("layout", "paper", "--json")
+    status, out, err = run("layout", "paper", "--level", "paper", "--json")
     assert (status, err) == (0, "")
     (record,) = strict(out)
     assert record["message"] == "the readings are unique: no two poses in the workspace give the same readings"
@@ -79,7 +79,7 @@ def test_the_map_is_a_table_with_units_and_a_picture(run, tmp_path):
     assert {row["det_sign"] for row in rows} == {"-1", "1"}
     assert {row["multiplicity"] for row in rows if row["saturated"] == "1"} == {""}
     text = (tmp_path / "map" / "LAYOUT.md").read_text("utf-8")
-    assert "magtip layout paper --out map --set magnet_height=4 --set l0=6 --set c=4" in text
+    assert "magtip layout paper --level paper --out map --set magnet_height=4 --set l0=6 --set c=4" in text
     assert "infinite" in text or "worst" in text
     verdict = text.splitlines()[2]
     assert re.match(
@@ -178,7 +178,8 @@ def coder():
 
 
 def evaluated(coder, normal=4.0, tangential=1.0):
-    return force_range.evaluate(coder, force_range.loads(coder, normal, tangential), normal, tangential, "finite")
+    source = decode_readings.Source("finite", coder.mechanics, "it is asked for")
+    return force_range.evaluate(coder, force_range.loads(coder, normal, tangential), normal, tangential, source)
 
 
 def test_readings_of_the_loads_decode_to_the_loads(coder):
@@ -216,7 +217,7 @@ def test_a_saturated_element_is_named():
 def test_loads_beyond_the_formulas_are_counted(coder):
     answer = evaluated(coder, 90.0, 1.0)
     assert 0 < answer["reached_percent"] < 50
-    assert "of the loads are within the formulas or states" in answer["message"]
+    assert "of the loads are within the mechanics" in answer["message"]
     assert answer["full_load_N"] is None
 
 
@@ -224,6 +225,19 @@ def test_loads_outside_the_range_of_level_finite_are_a_warning(coder):
     assert evaluated(coder, 4.0, 0.5)["warnings"] == []
     (warning,) = evaluated(coder, 4.0, 2.0)["warnings"]
     assert "shear is above 0.3 D" in warning
+
+
+def test_the_level_is_that_of_decode_and_is_said(run, strict):
+    words = ("--force-range", "60,30", "--json")
+    status, out, err = run("layout", "foot", *words)
+    assert status == 0
+    (record,) = strict(out)
+    (decoded,) = strict(run("decode", "foot", "--readings", "0,0,0", "--json")[1])
+    assert record["mechanics"] == decoded["level"] == "surrogate"
+    assert record["mechanics_reason"] == decoded["level_reason"]
+    # level paper, which bends a third as stiff, would say that some of these loads saturate the chip
+    assert record["force_range"]["saturated_elements"] == []
+    assert "% of the loads lie beyond the surrogate, where the plate needs a friction of" in err
 
 
 def test_the_verb_reports_the_range(run, strict, tmp_path):

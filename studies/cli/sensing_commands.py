@@ -12,7 +12,7 @@ from cyclopts import Parameter
 from geometry.design import BadInput
 from studies.cli.parameters import Call, verb
 from studies.inputs import option_groups
-from studies.inputs.option_groups import CALIBRATION, SOURCES, Basis, LayoutParts, Pose
+from studies.inputs.option_groups import CALIBRATION, SOURCES, TILTS, Basis, LayoutParts, Pose
 from studies.inputs.user_input import say_no_effect
 from studies.output import atomic_files, console
 from studies.output.result import GOOD, Destination, Result, of_record, publish, show
@@ -341,7 +341,7 @@ def table(
     *,
     out: Path,
     step: float = 0.01,
-    level: str | None = None,
+    level: Annotated[str | None, TILTS] = None,
     responses: Path | None = None,
     plane: bool = False,
 ) -> int:
@@ -355,8 +355,6 @@ def table(
         Output file (.npy) of shape (x, y, z, element); read it with numpy.load(FILE, mmap_mode="r").
     step
         Step of the grid, mm.
-    level
-        Formulas for the tilt: paper, column, tip, magnet or finite; default: none, so that the magnet does not tilt.
     responses
         File of states printed by `magtip solve --json` (or `analytic --json`), one per line, for the tilt instead of
         formulas.
@@ -364,12 +362,14 @@ def table(
         Write a table of two dimensions, B_rho and B_z over (rho, Z); it suffices if the magnet does not tilt.
     """
     from studies.sensing import decode_readings, lookup_table
+    from studies.simulation import mechanics_sources
 
     design = call.design()
     target = lookup_table.target(out, [call.source, responses])
-    model, grid = lookup_table.plan(design, step, level, responses)
+    source = mechanics_sources.source_of(design, level, responses) if level or responses else None
+    model, grid = lookup_table.plan(design, step, None if source is None else source.law)
     with atomic_files.sole_writer(target), console.progress(as_json=call.as_json) as progress:
-        name = decode_readings.level_name(level, responses, decode_readings.NO_LEVEL)
+        name = decode_readings.NO_LEVEL if source is None else source.name
         record = (
             lookup_table.write_plane(model, grid, target, name)
             if plane
@@ -388,6 +388,7 @@ def layout(call: Call, *, basis: Basis = Basis(), parts: LayoutParts = LayoutPar
         Folder for layout.csv, layout.png and LAYOUT.md.
     """
     from studies.sensing import layout_report
+    from studies.simulation import mechanics_sources
 
     here = call.here(layout_report.FILES, [basis.responses])
     design = call.design()
@@ -395,4 +396,5 @@ def layout(call: Call, *, basis: Basis = Basis(), parts: LayoutParts = LayoutPar
         raise BadInput("--range sets the range of a search: add --search")
     if parts.count is not None and not parts.search:
         say_no_effect("--count", "it works with --search only")
-    return publish(partial(layout_report.run, design, basis, parts), here)
+    mechanics = partial(mechanics_sources.source_of, design, basis.level, basis.responses)
+    return publish(partial(layout_report.run, design, mechanics, basis, parts), here)

@@ -45,18 +45,18 @@ STORE = Parameter(
     help="File that keeps all solved states; default: the user's, or the one that the environment variable "
     "MAGTIP_STORE names."
 )
-FORMULAS = Parameter(
-    help="Formulas for tilt and load: paper (no tilt, too small a force), column, tip, magnet or finite; "
-    "default: paper."
+_SOURCES = (
+    "surrogate (of the finite elements, with intervals), fem (finite elements, solved or from the store), or "
+    "formulas: finite, magnet, tip, column, paper"
 )
 SOURCES = Parameter(
-    help="Source of tilt and load: surrogate (of the finite elements, with intervals), fem (finite elements, solved "
-    "or from the store), or formulas: finite, magnet, tip, column, paper; default: the first of surrogate, fem, "
-    "finite and paper that covers the design."
+    help=f"Source of tilt and load: {_SOURCES}; default: the first of surrogate, fem, finite and paper that covers "
+    "the design."
 )
+TILTS = Parameter(help=f"Source of the tilt: {_SOURCES}; default: none, so that the magnet does not tilt.")
 RESPONSES = Parameter(
     help="File of states printed by `magtip solve --json` (or `analytic --json`), one per line, for tilt and load "
-    "instead of formulas."
+    "instead of a --level."
 )
 NO_TILT = Parameter(help="Assume that the magnet does not tilt.")
 Mode = Annotated[
@@ -145,7 +145,7 @@ class Method:
 class Basis:
     """Poses and readings on which a layout of Hall elements is evaluated."""
 
-    level: Annotated[str | None, FORMULAS] = None
+    level: Annotated[str | None, SOURCES] = None
     responses: Annotated[Path | None, RESPONSES] = None
     ignore_tilt: Annotated[bool, NO_TILT] = False
     mode: Mode = "component"

@@ -85,9 +85,8 @@ def limit_sentence(coder: Decoder, limit: Limit | None, source: Source) -> str:
     """
     if limit is None:
         return WHY["out_of_workspace"]
-    kind = "formulas" if source.is_formula else {RESPONSES: "states", "fem": "solved states"}.get(source.name)
     known = {"low": coder.low.tolist(), "high": coder.high.tolist(), "solved": source.name == RESPONSES}
-    return sentences("limit", limit=limit, kind=kind or source.name, **known)[0]
+    return sentences("limit", limit=limit, kind=source.kind, **known)[0]
 
 
 def result(record: FlatRow) -> Result:
@@ -124,6 +123,13 @@ class Source:
         return self.name in beam.LEVELS
 
     @property
+    def kind(self) -> str:
+        """What ends where its forces end, in words."""
+        if self.is_formula:
+            return "formulas"
+        return {RESPONSES: "states", "fem": "solved states"}.get(self.name, self.name)
+
+    @property
     def said(self) -> list[str]:
         """Name and reason, in a sentence, if the source was chosen."""
         return [f"level {self.name}: {self.reason}"] * self.chosen
@@ -133,18 +139,6 @@ def prepare(design: Design, source: Source, *, ignore_tilt: bool = False) -> Dec
     """Return the decoder of a design with the mechanics of a source."""
     warn_if_upright(source.law, ignore_tilt=ignore_tilt)
     return decoder(design, source.law, ignore_tilt=ignore_tilt)
-
-
-def mechanics_of(design: Design, level: str | None, file: Path | None) -> Mechanics:
-    """Return the mechanics of a level, or of the states in a file; default: level paper."""
-    if file is not None and level is not None:
-        raise BadInput("--level and --responses exclude each other: give only one")
-    return of_level(design, level or "paper") if file is None else of_file(file, design)
-
-
-def level_name(level: str | None, file: Path | None, default: str = "paper") -> str:
-    """Return the name of the source that `mechanics_of` chooses: a level, or "responses" for a file of states."""
-    return RESPONSES if file is not None else level or default
 
 
 def warn_if_upright(law: Mechanics | None, *, ignore_tilt: bool) -> None:

@@ -22,6 +22,7 @@ from geometry.loads import Load
 from studies.inputs import user_input
 from studies.output.records import FlatRow
 from studies.sensing import decode_readings
+from studies.sensing.decode_readings import Source
 from studies.sensing.layout_metrics import percent_text
 
 if TYPE_CHECKING:
@@ -102,8 +103,8 @@ def loads(coder: Decoder, normal: float, tangential: float, clearance: float = 0
     return Loads(np.stack([F_t * e[0], F_t * e[1], F_n]), ~pressed | (angle == 0), poses, plate)
 
 
-def evaluate(coder: Decoder, grid: Loads, normal: float, tangential: float, level: str) -> FlatRow:
-    """Return the resolution over a range of loads; `level` is the name of the source of the mechanics.
+def evaluate(coder: Decoder, grid: Loads, normal: float, tangential: float, source: Source) -> FlatRow:
+    """Return the resolution over a range of loads; `source` gives the mechanics.
 
     Lists of three are along x, y and z, and None without a usable load.
 
@@ -155,7 +156,7 @@ def evaluate(coder: Decoder, grid: Loads, normal: float, tangential: float, leve
         "worst_at_mm": [poses.shift[:, at].tolist() for at in worst] or None,
         "full_load_N": full_load,
         "full_load_N_per_N": full_load and [s / size for s in full_load],
-        "warnings": _force_warnings(coder, grid, level),
+        "warnings": _force_warnings(coder, grid, source),
     }
     said = decode_readings.sentences("forces", f=found, percent=percent_text)
     return found | {"message": "; ".join(said)}
@@ -165,13 +166,19 @@ def _largest(sigma: Array) -> list[float] | None:
     return sigma.max(axis=1).tolist() if sigma.shape[1] else None
 
 
-def _force_warnings(coder: Decoder, grid: Loads, level: str) -> list[str]:
-    """Return warnings: forces that differ from those of the best level, or loads outside the range of that level."""
-    reached = grid.reached
-    if level == decode_readings.RESPONSES:
-        beyond = 100 * float((~reached[grid.distinct]).mean())
-        text = f"{percent_text(beyond)} of the loads lie beyond the states: solve deeper or farther sideways"
-        return [text] if beyond else []
+def _force_warnings(coder: Decoder, grid: Loads, source: Source) -> list[str]:
+    """Return warnings: forces that differ from those of the best level, or loads outside the range of the source."""
+    reached, level = grid.reached, source.name
+    if not source.is_formula:
+        # no plate holds a force along it that does not press, whatever the source
+        beyond = ~reached & grid.distinct & (grid.force[2] > 0)
+        if not beyond.any():
+            return []
+        least = float((np.hypot(*grid.force[:2, beyond]) / grid.force[2, beyond]).min())
+        held = f", where the plate needs a friction of {least:.2g} or more" if least else ""
+        remedy = "solve" if level == decode_readings.RESPONSES else "give states by --responses that go"
+        share = percent_text(100 * float(beyond.sum() / grid.distinct.sum()))
+        return [f"{share} of the loads lie beyond the {source.kind}{held}: {remedy} deeper or farther sideways"]
     if level == decode_readings.BEST:
         depth, shear = float(grid.plate[0, reached].max()), float(np.hypot(*grid.plate[1:, reached]).max())
         remark = beam.outside(coder.forward.design, Load(depth=depth, shear_x=shear, friction="stick"), level)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 
 from analytic import decode, parts
@@ -15,18 +13,10 @@ from geometry.design import BadInput, Design
 from studies.inputs.option_groups import Basis
 from studies.output.records import FlatRow
 from studies.sensing import decode_readings
+from studies.sensing.decode_readings import Source
 
 COUNTS = (25, 25, 13)
 """Numbers of poses of the map along x, y and z."""
-
-
-def mechanics_of(design: Design, level: str | None, responses: Path | None) -> Mechanics:
-    """Return the mechanics by `decode_readings.mechanics_of`, after refusing a design without a magnet."""
-    if not design.shape.has_magnet:
-        raise BadInput(
-            "this design has no magnet (magnet_diameter is 0), so there is nothing to read: give it a magnet"
-        )
-    return decode_readings.mechanics_of(design, level, responses)
 
 
 def prepare(
@@ -53,11 +43,8 @@ def prepare(
     return coder, source
 
 
-def layout_row(coder: Decoder, poses: Survey, noise: str, mechanics: str) -> FlatRow:
-    """Return all figures of a layout from its survey, with its elements and the settings of the evaluation.
-
-    `mechanics`: name of the source of tilt and force: a level, or states.
-    """
+def layout_row(coder: Decoder, poses: Survey, noise: str, mechanics: Source) -> FlatRow:
+    """Return all figures of a layout from its survey, with its elements and the settings of the evaluation."""
     design, elements = coder.forward.design, coder.forward.elements
     three = design.hall_layout == "three"
     measured = figures(poses)
@@ -72,7 +59,8 @@ def layout_row(coder: Decoder, poses: Survey, noise: str, mechanics: str) -> Fla
         "c_mm": design.c if three else None,
         "chip_x_mm": None if three else design.chip_x,
         "chip_count": None if three else design.chip_count,
-        "mechanics": mechanics,
+        "mechanics": mechanics.name,
+        "mechanics_reason": mechanics.reason,
         "tilt": "followed" if coder.forward.tau[0].any() else "none",
         "mode": coder.forward.mode,
         "workspace_mm": [coder.low.tolist(), coder.high.tolist()],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -23,6 +24,7 @@ from studies.output.records import FlatRow
 from studies.output.result import Result, Table, Writer
 from studies.output.table_files import write_table
 from studies.sensing import decode_readings, force_range, layout_metrics, layout_search, layout_uniqueness
+from studies.sensing.decode_readings import Source
 from studies.sensing.layout_uniqueness import Claim
 
 if TYPE_CHECKING:
@@ -34,11 +36,14 @@ MOST_CLEARANCE = 100.0
 """mm."""
 
 
-def run(design: Design, basis: Basis, parts: LayoutParts, progress: Progress) -> Result:
-    """Evaluate the layout, and search, answer the claim and survey a range of loads if requested."""
+def run(
+    design: Design, mechanics: Callable[[], Source], basis: Basis, parts: LayoutParts, progress: Progress
+) -> Result:
+    """Evaluate the layout, and search, answer the claim and survey a range of loads if requested.
+
+    mechanics : gives the mechanics of the design, which may take half a minute.
+    """
     count = layout_search.USUAL if parts.count is None else parts.count
-    law = layout_metrics.mechanics_of(design, basis.level, basis.responses)
-    decode_readings.warn_if_upright(law, ignore_tilt=basis.ignore_tilt)
     if not 0 <= basis.clearance <= MOST_CLEARANCE:
         raise BadInput(f"--clearance must lie between 0 and {MOST_CLEARANCE:g} mm; got {basis.clearance:g}")
     if not 1 <= count <= layout_search.MOST_FOUND:
@@ -47,11 +52,12 @@ def run(design: Design, basis: Basis, parts: LayoutParts, progress: Progress) ->
     bounds = layout_search.parse_ranges(design, parts.ranges or ())
     if parts.claim:
         layout_uniqueness.check(design)
-    coder, noise = layout_metrics.prepare(design, law, basis)
+    source = mechanics()
+    decode_readings.warn_if_upright(source.law, ignore_tilt=basis.ignore_tilt)
+    coder, noise = layout_metrics.prepare(design, source.law, basis)
     progress(0.0, "map of the workspace")
     poses = survey.survey(coder, layout_metrics.COUNTS, clearance=basis.clearance)
-    name = decode_readings.level_name(basis.level, basis.responses)
-    layout = layout_metrics.layout_row(coder, poses, noise, name)
+    layout = layout_metrics.layout_row(coder, poses, noise, source)
     files: dict[str, Writer] = {
         "layout.csv": lambda path: write_table(path, map_table(coder, poses).to_dict("records")),
         "layout.png": lambda path: save(path, maps(coder, poses, basis.clearance)),
@@ -60,10 +66,12 @@ def run(design: Design, basis: Basis, parts: LayoutParts, progress: Progress) ->
     search, claim, forces = None, None, None
     if limits is not None:
         loads = force_range.loads(coder, *limits, basis.clearance)
-        forces = force_range.evaluate(coder, loads, *limits, name)
+        forces = force_range.evaluate(coder, loads, *limits, source)
         tables["force_range"] = force_range.table(loads).to_dict("records")
     if parts.search:
-        record["search"] = tables["search"] = search = layout_search.run(design, law, basis, bounds, count, progress)
+        record["search"] = tables["search"] = search = layout_search.run(
+            design, source.law, basis, bounds, count, progress
+        )
         shown.append(Table(title="Layouts, best first", rows=_shown_search(search)))
     if parts.claim:
         claim = layout_uniqueness.run(design, progress)
@@ -73,7 +81,12 @@ def run(design: Design, basis: Basis, parts: LayoutParts, progress: Progress) ->
     if forces is not None:
         record["force_range"], tables["force_range"] = forces, tables.pop("force_range")
         shown.append(Table(title="Range of loads", rows=[_shown_forces(forces)]))
-    warnings = [*layout["hits"], *layout["warnings"], *(forces["warnings"] if forces else ())]
+    warnings = [
+        *[source.warning] * bool(source.warning),
+        *layout["hits"],
+        *layout["warnings"],
+        *(forces["warnings"] if forces else ()),
+    ]
     said = design.value_warnings()  # by the reader of the design
     return Result(
         title="Layout",

@@ -18,7 +18,7 @@ from analytic.survey import Survey
 from geometry.design import BadInput, Design
 from geometry.messages import Progress
 from studies.output.records import FlatRow
-from studies.sensing import decode_readings, layout_metrics
+from studies.sensing import decode_readings
 
 FORMS: dict[str, tuple[Mode, str, bool]] = {
     "|B|, no tilt (the paper's)": ("magnitude", "paper", True),
@@ -98,7 +98,7 @@ def differences(row: FlatRow) -> dict[str, float]:
 
 def law_of(design: Design, form: str) -> Mechanics:
     """Return the mechanics of a form of the readings; they do not depend on the layout."""
-    return layout_metrics.mechanics_of(design, FORMS[form][1], None)
+    return decode_readings.of_level(design, FORMS[form][1])
 
 
 def coder_of(design: Design, form: str, law: Mechanics) -> Decoder:

@@ -23,6 +23,7 @@ import numpy as np
 from analytic import lookup
 from analytic.inverse import forward_model, response_surface
 from analytic.inverse.forward_model import Forward
+from analytic.inverse.response_surface import Mechanics
 from analytic.lookup import Grid
 from geometry import design_digest
 from geometry.arrays import Array
@@ -31,7 +32,6 @@ from geometry.messages import Progress
 from studies.output import atomic_files, console, own_files
 from studies.output.bounded_files import json_object
 from studies.output.records import FlatRow
-from studies.sensing import decode_readings
 
 NOTE_EVERY = 8
 """Number of slabs between two notes: an interruption loses the work of at most so many slabs."""
@@ -46,11 +46,10 @@ def target(out: Path, inputs: Sequence[str | Path | None]) -> Path:
     return file
 
 
-def plan(design: Design, step: float, level: str | None, responses: Path | None) -> tuple[Forward, Grid]:
-    """Return the forward model and the grid of a table; without level and responses the magnet does not tilt."""
+def plan(design: Design, step: float, law: Mechanics | None) -> tuple[Forward, Grid]:
+    """Return the forward model and the grid of a table; without mechanics the magnet does not tilt."""
     if not step > 0:
         raise BadInput(f"step must be more than 0 mm; got {step:g}")
-    law = decode_readings.mechanics_of(design, level, responses) if level or responses else None
     tau = forward_model.NO_TILT if law is None else law.tilt
     model = forward_model.model(design, tau)
     low, _ = response_surface.workspace(design, law)
