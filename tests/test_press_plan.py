@@ -103,6 +103,9 @@ def test_a_rehearsal_goes_from_plan_to_decoded_forces(run, monkeypatch, tmp_path
     off -= table[simulated_bench.TRUE].to_numpy()
     assert (np.abs(off) < 2 * half).all()
     assert half.max() < 0.1 * record["force_z_N"]
+    # no bench of this sensor stays beside the plan of another one
+    assert run("bench", "paper", "--out", "bench")[0] == 0
+    assert {path.name for path in (tmp_path / "bench").glob("[!.]*")} == {"plan.csv", "run.json"}
 
 
 def test_three_chips_are_pressed_and_fitted():
@@ -148,7 +151,8 @@ def test_a_plan_that_is_filled_in_is_a_bench(run, tmp_path):
             "--reading-noise must be a finite number, 0 or mo",
         ),
         (
-            "[requirements]\nforce_z = 500",
+            # light presses with a shear, which are within the mechanics, make no bench of it
+            "[requirements]\nforce_z = 500\nforce_x = 1",
             [],
             "a press of 500 N is beyond the mechanics of this design, which reach 1",
         ),

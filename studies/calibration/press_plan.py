@@ -207,10 +207,11 @@ def plan_of(
     known = np.isfinite(shift).all(axis=1)
     lost = 1 - float(known.mean())
     most = min(int(known.sum()), MOST_PRESSES)
-    if most < FEWEST:
+    largest = largest_press(sensor)
+    if not needed.force_z <= largest or most < FEWEST:
         raise BadInput(
-            f"a press of {needed.force_z:.3g} N is beyond the mechanics of this design, which reach "
-            f"{largest_press(sensor):.3g} N: lower force_z in [requirements], or give --responses"
+            f"a press of {needed.force_z:.4g} N is beyond the mechanics of this design, which reach {largest:.3g} N: "
+            "lower force_z in [requirements], or give --responses, states of finite elements under larger loads"
         )
     if not FEWEST <= count <= most:
         raise BadInput(f"the number of presses must lie between {FEWEST} and {most}; got {count}")

@@ -50,8 +50,8 @@ STAND_ZERO, STAND_COMPLIANCE = 0.1, 0.004
 """Depth that the stand shows at first touch, mm, and how much it gives way, mm/N."""
 TRUE, MOVED = [f"true_{name}" for name in FORCES], [f"true_{name}" for name in MOTIONS]
 """Columns of the true forces and of the plate's true motion."""
-FILES, SIMULATED = ("plan.csv",), ("bench.csv", "recording.csv")
-"""Files of the study, and those that a simulated bench adds."""
+FILES = ("plan.csv", "bench.csv", "recording.csv")
+"""Files of the study; the last two of a simulated bench only, so that none of another sensor stays beside a plan."""
 AT_REST, STATES, STEP = 20, 60, 5.0
 """Rows of a recording at rest and under load, and seconds between them: slow, so that each row has relaxed."""
 RECORDED, DIRECTION = 0.8, 40.0

@@ -122,7 +122,7 @@ def bench(call: Call, *, out: Path | None = None, options: option_groups.Plannin
     for name in ("seed", "reading_noise", "stand_zero", "stand_compliance", "accuracy"):
         if not options.simulate and getattr(options, name) != getattr(option_groups.Planning(), name):
             say_no_effect(f"--{name.replace('_', '-')}", "it works with --simulate only")
-    here = call.here((*simulated_bench.FILES, *simulated_bench.SIMULATED * options.simulate), [options.responses])
+    here = call.here(simulated_bench.FILES, [options.responses])
     design = call.design()
     made = parse_tolerances(options.tolerances or [], design, call.source)
     bought, needed = parts_of_file(design, call.source), stated_requirements(call.source)
