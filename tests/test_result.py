@@ -191,6 +191,11 @@ def test_text_is_what_pandas_writes(tmp_path, rows, digits):
     assert (tmp_path / "t.csv").read_bytes() == expected.encode()
 
 
+def test_minus_zero_is_zero(tmp_path):
+    write_table(tmp_path / "t.csv", [{"planned_Fx_N": -0.0}])
+    assert (tmp_path / "t.csv").read_text("utf-8") == "planned_Fx_N\n0\n"
+
+
 # Which commit and which versions a result names.
 
 

@@ -66,7 +66,8 @@ def _csv(file: Path, digits: int) -> Iterator[Write]:
 
         def cells(values: NDArray[Any]) -> list[str]:
             if values.dtype.kind == "f":
-                return ["" if value != value else pattern % value for value in values.tolist()]
+                # + 0.0: minus zero is zero
+                return ["" if value != value else pattern % (value + 0.0) for value in values.tolist()]
             return ["" if value is None or value != value else str(value) for value in values.tolist()]
 
         def write(batch: Columns) -> None:
