@@ -3,6 +3,7 @@
 import ctypes
 import dataclasses
 import json
+import math
 import re
 import shutil
 import subprocess
@@ -358,6 +359,13 @@ def test_errors_are_those_of_the_required_loads_in_percent_of_their_press():
     assert 0 < error < made.errors[1]
     header = decoder_export.header(made, "magtip firmware")
     assert f"at most: {made.percent:.2g} % of\n * the required press (6 N)" in header
+    # test vectors are rated loads, beside three bad readings: corners of the workspace may have a hundred times more
+    for ready, (normal, aside) in ((plain, plain.rated), (made, (6.0, 0.5))):
+        rows = [row for row in decoder_export.vectors(ready) if math.isnan(row["seconds"])][:-3]
+        force = np.array([[row[f"force_{axis}_N"] for axis in "xyz"] for row in rows])
+        assert len(rows) == 31
+        assert 0.5 * normal < np.nanmax(force[:, 2]) <= normal * 1.001
+        assert np.nanmax(np.hypot(*force[:, :2].T)) <= aside * 1.001
 
 
 def test_verb(tmp_path, capsys):

@@ -23,7 +23,7 @@ from analytic import time_series
 from analytic.decode import Decoder, decode, decoder, field_of, spread
 from analytic.inverse import pose_search
 from analytic.inverse.forward_model import readings_at, readings_with_slopes
-from analytic.inverse.response_surface import forces, shifts_of_forces
+from analytic.inverse.response_surface import force_and_load, forces, shifts_of_forces
 from analytic.parts import columns, with_noise
 from analytic.time_series import TimeSeries
 from geometry.arrays import Array
@@ -73,6 +73,8 @@ SHORT, SAME, EDGE, FIT, REST = 1e-6, 2e-4, 1e-4, 2e-6, 2e-7
 the workspace, misfit of a pose as a distance, and height that counts as rest: above the rounding of float."""
 ROUNDING = 4e-7
 """Misfit over the largest reading that rounding of float may leave."""
+TRIED = 2000
+"""Random poses of the workspace of which test vectors are taken: of the required loads they may be few."""
 REACH = 1.2
 """Farthest that the iteration moves from a start, over the diagonal of a cell."""
 QUANTILE = 1.6449
@@ -99,6 +101,7 @@ class Firmware:
     errors : largest errors by the tables of shift, mm, and force, N, and the largest force, N, in the workspace.
     scale : largest error of the force by the tables, N, the force of which errors are percentages, N, and which one
         it is, in words: in the required loads, or in the workspace where nothing is required.
+    rated : largest normal force of the sensor, and largest force along its plate, N.
     """
 
     coder: Decoder
@@ -109,6 +112,7 @@ class Firmware:
     tables: Tables
     errors: tuple[float, float, float]
     scale: tuple[float, float, str]
+    rated: tuple[float, float]
 
     @property
     def percent(self) -> float:
@@ -195,7 +199,20 @@ def prepare(
     scale = errors[1], *full_scale(needed, errors[2], "the largest force of the workspace")
     if needed is not None:
         scale = required_error(coder, tables, needed), *scale[1:]
-    return Firmware(coder, design, source, sizes, rest, tables, errors, scale)
+    return Firmware(coder, design, source, sizes, rest, tables, errors, scale, rated_forces(coder, needed))
+
+
+def rated_forces(coder: Decoder, needed: Requirements | None) -> tuple[float, float]:
+    """Return the largest required normal force, and the largest force along the plate, N.
+
+    Where nothing is required, they are those of the deepest press of the mechanics. Corners of the workspace lie
+    beyond all samples: there polynomials may give a hundred times as much.
+    """
+    if needed is not None:
+        return needed.force_z, needed.force_x or needed.friction * needed.force_z
+    assert coder.mechanics is not None
+    press = float(forces(coder.mechanics, np.array([[0.0], [0.0], [-coder.mechanics.sink]]))[0][2, 0])
+    return press, mechanics_sources.LARGEST_FRICTION * press
 
 
 def required_error(coder: Decoder, tables: Tables, needed: Requirements) -> float:
@@ -307,7 +324,7 @@ def outputs_at(coder: Decoder, shift: Array) -> Array:
 
 
 def vectors(firmware: Firmware) -> list[dict[str, Any]]:
-    """Return test vectors: poses of the workspace and bad readings, then a time series with a gap and a jump.
+    """Return test vectors: poses with rated forces and bad readings, then a time series with a gap and a jump.
 
     Column `seconds` is empty for single rows; a series begins with 0.
     """
@@ -315,13 +332,18 @@ def vectors(firmware: Firmware) -> list[dict[str, Any]]:
     low, high = coder.low, coder.high
     # above the height at rest, where rounding decides whether there is a force
     clear = high[2] / 2
-    single = outputs_at(coder, np.column_stack([[0.0, 0.0, clear], rng.uniform(low, high, (30, 3)).T]))
+    random = rng.uniform(low, high, (TRIED, 3)).T
+    chosen = random[:, ~beyond(firmware, random)][:, :30]
+    single = outputs_at(coder, np.column_stack([[0.0, 0.0, clear], chosen]))
     bad = np.array([[1.1 * e.high for e in coder.forward.elements], single[1], 2 * single[2] - single[3]])
     bad[1, 1] = np.nan
     single = np.concatenate([single, bad])
     t = np.linspace(0, 1, 60)
-    depth = 0.4 * low[2] * np.sin(3 * t) + clear
-    path = np.stack([0.4 * high[0] * np.sin(5 * t), 0.3 * high[1] * np.sin(8 * t), depth])
+    path = np.stack([0.4 * high[0] * np.sin(5 * t), 0.3 * high[1] * np.sin(8 * t), 0.4 * low[2] * np.sin(3 * t)])
+    at_rest = np.array([[0.0], [0.0], [clear]])
+    # as far as the forces are rated
+    shares = (share for share in np.linspace(1, 0, 21) if not beyond(firmware, share * path + at_rest).any())
+    path = next(shares) * path + at_rest
     series = outputs_at(coder, path)
     series[30, 0], series[40] = np.nan, series[10]
     times = (0.01 * np.arange(60) + 0.05 * (np.arange(60) >= 50)).astype(np.float32).astype(np.float64)
@@ -336,6 +358,14 @@ def vectors(firmware: Firmware) -> list[dict[str, Any]]:
                 row |= {f"{name}_{axis}_{unit}": v for axis, v in zip("xyz", found[name][k].tolist(), strict=True)}
             rows.append(row)
     return rows
+
+
+def beyond(firmware: Firmware, shift: Array) -> NDArray[np.bool_]:
+    """Return whether the forces of slow loading at shifts (3, n), mm, exceed the rated ones; not without one."""
+    assert firmware.coder.mechanics is not None
+    force, _, _ = force_and_load(firmware.coder.mechanics, np.ascontiguousarray(shift))
+    normal, aside = firmware.rated
+    return np.asarray((force[2] > normal) | (np.hypot(force[0], force[1]) > aside))
 
 
 # C text
