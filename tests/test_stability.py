@@ -10,6 +10,7 @@ from analytic import buckling
 from fem.accuracy import QUICK, STANDARD
 from fem.analyses import stability
 from fem.equilibrium import solve
+from fem.model import element_assembly
 from fem.model.symmetry_models import MeshSpecification
 from fem.results.lateral_stiffness import SidewaysModel
 from fem.scene import Scene
@@ -17,6 +18,7 @@ from fem.solution import Estimates
 from fem.solve.active_set import ActiveSet, KeptTangent
 from fem.solve.direct_solver import UNKNOWN, Solver, Stability
 from fem.solve.load_stepping import Path, PathModels
+from fem.solve.path_state import about
 from fem.solve.press import solve_press
 from geometry.design import Design, paper
 from geometry.loads import Load
@@ -128,6 +130,21 @@ def test_one_state_tells_the_critical_depth(sideways, critical, share):
 SHORT = replace(paper(), L=16.0, l0=13.2)
 CRITICAL = 1.5033
 """Critical depth of the paper's sensor with L = 16 mm, by `stability.critical` at level standard, mm."""
+
+
+def test_a_tangent_of_one_order_takes_the_law_at_one_angle_about_an_axisymmetric_state_only(sideways, monkeypatch):
+    d = about(press(0.1), sideways.orders[0]).d
+    tilted = 1e-6 * np.random.default_rng(1).standard_normal(d.system.size)
+    for q in (np.zeros(d.system.size), tilted):
+        state, assembled = d.system.state(q), []
+        for agrees in (element_assembly._Batch.agrees, lambda *_: False):
+            monkeypatch.setattr(element_assembly._Batch, "agrees", agrees)
+            assembled.append(d.system.assemble(state, None))
+            monkeypatch.undo()
+        once, twice = assembled
+        assert once.energy == pytest.approx(twice.energy, rel=1e-13)
+        for found, wanted in ((once.matrix.data, twice.matrix.data), (once.residual, twice.residual)):
+            np.testing.assert_allclose(found, wanted, rtol=1e-10, atol=1e-13 * np.abs(wanted).max())
 
 
 def test_no_verdict_contradicts_the_critical_depth():

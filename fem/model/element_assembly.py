@@ -78,6 +78,10 @@ class _Batch:
     Jm1: Array
     Hm1: Array
 
+    def agrees(self, pressure: Array) -> bool:
+        """Return whether strains and pressures (t, n) are those of the first angle at all angles."""
+        return bool((self.G[:, :1] == self.G).all() and (pressure == pressure[:1]).all())
+
     def along(self, values: Array) -> Array:
         """Return values (9, t n) in the order (3, 3 t, n): direction J, components i with angles, points."""
         t, n = self.w.shape
@@ -182,7 +186,11 @@ class ElementAssembly:
         for batch in self._batches:
             part = batch.part
             pressure = C @ nodal[part].reshape(-1, n).T
-            W, P, A = self._stresses(batch, pressure, viscous, tangent=tangent)
+            # about an axisymmetric state both angles of a model of one order have one law
+            once = e.angles.of_one_order and viscous is None and batch.agrees(pressure)
+            W, P, A = self._stresses(batch, pressure, viscous, tangent=tangent, angles=1 if once else None)
+            if once:
+                W, P = np.tile(W, 2), np.tile(P, 2)
             energy += float(W.sum()) - float(np.vdot(batch.soft * pressure, pressure)) / 2
             S[part] = (self._V @ batch.along(P)).reshape(3, f, -1, q).transpose(2, 3, 0, 1)
             change[part] = ((batch.w * batch.Jm1 - batch.soft * pressure).T @ C).reshape(-1, q, n)
@@ -194,24 +202,30 @@ class ElementAssembly:
         return energy, self._at_nodes @ forces.reshape(-1, f), self._at_corners @ volumes.reshape(-1, n), data
 
     def _stresses(
-        self, batch: _Batch, pressure: Array, viscous: Overstress | None, *, tangent: bool
+        self, batch: _Batch, pressure: Array, viscous: Overstress | None, *, tangent: bool, angles: int | None = None
     ) -> tuple[Array, Array, Array]:
-        """Return energies (t n,), stresses (9, t n) and tangents (9, 9, t n), times the weights, of a batch."""
-        points, G, Jm1, w = batch.w.size, batch.G.reshape(9, -1), batch.Jm1.ravel(), batch.w.ravel()
-        modulus = batch.modulus if viscous is None else batch.modulus * viscous.factor
+        """Return energies (t n,), stresses (9, t n) and tangents (9, 9, t n), times the weights, of a batch.
+
+        angles : number of angles t, from the first one on; default: all.
+        """
+        at = slice(angles)
+        G, Hm1 = (np.ascontiguousarray(gradient[:, at]).reshape(9, -1) for gradient in (batch.G, batch.Hm1))
+        Jm1, w, weighted = batch.Jm1[at].ravel(), batch.w[at].ravel(), (batch.w * pressure)[at].ravel()
+        modulus, points = (batch.modulus if viscous is None else batch.modulus * viscous.factor)[at].ravel(), len(w)
         W, P, A = np.empty(points), np.empty((9, points)), np.empty((9, 9, points * tangent))
-        strain = G, Jm1, batch.Hm1.reshape(9, -1)
-        self._law(strain, modulus.ravel(), (batch.w * pressure).ravel(), (W, P, A))
+        self._law((G, Jm1, Hm1), modulus, weighted, (W, P, A))
         if viscous is not None:
             viscous.part(batch.part).add(G, Jm1, batch.mu, w, W, P, A)
         return W, P, A
 
     def _add_stiffness(self, batch: _Batch, A: Array, T: Array, data: Array) -> None:
-        """Add the stiffness of a batch, for weighted tangents A (9, 9, t n)."""
+        """Add the stiffness of a batch, for weighted tangents A (9, 9, t n), or (9, 9, n) where all angles agree."""
         D, n, pairs = self._elements.D[batch.part], batch.w.shape[1], self._pairs
         H = np.empty((9, n, pairs.count))
-        A = A.reshape(3, 3, 3, 3, -1, n)
+        A, t = A.reshape(3, 3, 3, 3, -1, n), batch.w.shape[0]
         for i, k, at, products in pairs.groups:
+            if A.shape[4] < t:
+                products = products.reshape(9, -1, t, products.shape[2]).sum(axis=2)
             rows = A[i, :, k].transpose(1, 3, 0, 2, 4, 5).reshape(9, -1, n)
             np.matmul(np.swapaxes(rows, 1, 2), products, out=H[:, :, at])
         K = np.empty((len(D), D.shape[3], D.shape[3] * pairs.count))
