@@ -127,6 +127,19 @@ def test_intervals_hold_on_rows_of_random_sensors_and_rows_beyond_the_bench_have
     assert beyond.count("out_of_range") > 0.95 * len(beyond)
 
 
+def test_rest_is_out_of_range_of_a_rough_bench_without_rest_and_its_own_rows_are_within(taught):
+    pressed = taught[0][taught[0].Fz_N > 2.5]
+    # so rough that the interval at rest reaches the lightest press
+    off = 0.5 * np.random.default_rng(0).normal(size=(len(pressed), 3))
+    found = compared(pressed.assign(**dict(zip(FORCES, (pressed[FORCES] + off).to_numpy().T, strict=True)))).found
+    still = taught[0][NAMES].to_numpy()[:4]
+    (words, force, _), half = found.decode(still, np.full(4, 21.0)), found.half_widths(still)
+    assert (force[:, 2] + half[:, 2] > found.forces[0, 2]).all()
+    assert (found.distance(still) < found.farthest).all()
+    assert words == ["out_of_range"] * 4
+    assert set(found.decode(pressed[NAMES].to_numpy(), np.full(len(pressed), 21.0))[0]) == {"ok"}
+
+
 def test_a_file_gives_the_same_decoder_and_other_shapes_are_refused(taught, written):
     found, readings = taught[1], taught[0][NAMES].to_numpy()
     nowhere = np.full(len(readings), np.nan)

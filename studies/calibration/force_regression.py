@@ -19,8 +19,9 @@ n - 1 - tr(X A X'). It contains the error of the bench's force sensor.
 
 Beyond the bench a polynomial may be anything. A row is `out_of_range` where its readings lie farther from those of
 the bench than any of these, by Mahalanobis' distance (hidden extrapolation: Montgomery, Peck and Vining, Introduction
-to Linear Regression Analysis, 3.8), where its force lies beyond the forces of the bench by more than its interval, or
-its temperature beyond those of the bench by more than `WARMTH`: then its interval is not known.
+to Linear Regression Analysis, 3.8), where its force lies beyond the forces of the bench, measured or by the
+regression, or its temperature beyond those of the bench by more than `WARMTH`: then its interval is not known. So a
+press that is lighter than all of the bench is out of range, and rest, unless the bench has rows at rest.
 
 Limits: forces are those of loading as slow as on the bench, whatever the silicone relaxes; no pose; a drift of the
 elements or an ambient field is removed by a zero only, which needs rows at rest in the bench. Readings are in the
@@ -62,7 +63,7 @@ WARMTH = 2.0
 """Distance from the temperatures of the bench, K, which changes a magnet's field by 0.2 %: less than a regression
 misses."""
 ROUNDED = 1e-4
-"""Relative rounding of a distance: the farthest row of the bench lies within its range, also in float."""
+"""Relative rounding of a distance or a force: the farthest rows of the bench lie within its range, also in float."""
 COVERAGE = 0.95
 """Share of errors below the upper end of a 90 % interval."""
 AXES = "xyz"
@@ -269,7 +270,7 @@ class Regression:
     span : (2, k) least and greatest reading of the bench.
     whitening : (k, k), whose product with the standard scores has the length of Mahalanobis' distance.
     farthest : the greatest distance of a row of the bench.
-    forces : (2, 3) least and greatest force of the bench, N.
+    forces : (2, 3) least and greatest force of the bench, measured or by the regression, N.
     rest : (k,) mean of its readings at rest; NaN where it has none.
     temperature_C : (2,) least and greatest one of the bench; NaN where it had none.
     """
@@ -333,7 +334,7 @@ class Regression:
         moved = np.where(silent[:, None], self.law.centre, readings + (0.0 if offset is None else offset))
         force, half = self.law.force(moved), self.half_widths(moved)
         least, most = self.forces
-        away = (force < least - half) | (force > most + half)
+        away = (force < least) | (force > most)
         beyond = np.asarray(away.any(axis=1) | (self.distance(moved) > self.farthest))
         with np.errstate(invalid="ignore"):
             cold, warm = self.temperature_C + np.array([-WARMTH, WARMTH])
@@ -403,6 +404,8 @@ def regression(
     variance, turned = np.linalg.eigh(scores.T @ scores / len(scores))
     whitening = turned.T / np.sqrt(np.maximum(variance, LEAST_SPREAD * variance.max()))[:, None]
     at_rest = readings[rows & rest]
+    both = np.stack([force[rows], law.force(readings[rows])])
+    edge = ROUNDED * np.ptp(both, axis=(0, 1))
     known = temperature[np.isfinite(temperature)]
     ends = np.array([known.min(), known.max()]) if len(known) else np.full(2, np.nan)
     found = Regression(
@@ -410,7 +413,7 @@ def regression(
         held_out=np.sqrt(_mean(np.square(chosen.force - force))),
         span=np.stack([readings[rows].min(axis=0), readings[rows].max(axis=0)]),
         whitening=whitening, farthest=math.inf,
-        forces=np.stack([force[rows].min(axis=0), force[rows].max(axis=0)]),
+        forces=np.stack([both.min(axis=(0, 1)) - edge, both.max(axis=(0, 1)) + edge]),
         rest=at_rest.mean(axis=0) if len(at_rest) else np.full(readings.shape[1], np.nan),
         temperature_C=ends,
     )  # fmt: skip
