@@ -32,6 +32,14 @@ def simulated():
     return sensor, np.stack([u * np.cos(angle), u * np.sin(angle), w], axis=1), rng
 
 
+def test_starts_lie_within_the_samples_of_the_mechanics(simulated):
+    """In the corners of the workspace polynomials may have the forces and readings of other shifts."""
+    sensor, law = simulated[0], simulated[0].mechanics
+    corner = np.array([[law.reach, law.reach, -0.3 * law.sink]])
+    start = sensor.starts(sensor.unknowns.mean, sensor.predict(sensor.unknowns.mean, corner, np.zeros(1)))
+    assert 0.8 * law.reach < np.hypot(*start[0, :2]) <= law.reach * (1 + 1e-9)
+
+
 def rows_of(sensor, theta, shift, rng, noise=1.0):
     rows = sensor.predict(theta, shift, np.zeros(len(shift)))
     rows[:, :3] += noise * READING_NOISE * rng.normal(size=(len(shift), 3))

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from analytic import parts
 from analytic.inverse.response_surface import Mechanics, workspace
 from geometry.arrays import Array, Ints
+from geometry.bad_input import SolveFailed
 from geometry.design import BadInput, Design
 from geometry.messages import Progress
 from studies.calibration import (
@@ -38,7 +39,6 @@ from studies.output.figures import Figure, Guide, Look, plot, save
 from studies.output.result import Result, Rows, Table
 from studies.parts.part_tolerances import Tolerances
 from studies.parts.requirements import LIGHTEST, Requirements, design_table, full_scale
-from studies.sensing.decode_readings import of_file
 from studies.simulation import mechanics_sources
 
 if TYPE_CHECKING:
@@ -65,6 +65,10 @@ FEW, FIRST, ROUGH, LIKELY, BETTER = 24, 2, 8, 6, 3.0
 """Rows with which columns that are exchanged, reversed or turned are sought, steps of a first fit with each of them,
 steps with those that then fit best, their number, and how much better the rows must fit."""
 CHECK = "check which column is which element, the signs of the forces, and wrong rows"
+ONE_RUN = (
+    "there is one run only, so errors on held-out rows are those of parts of it, and another run may be worse: "
+    "record a second one"
+)
 COPY, WRONG = "repeats another one to the last digit: was it measured again?", "was it measured wrongly?"
 TURNS: dict[str, tuple[list[int], list[float]]]
 TURNS = {"90": ([1, 0], [1.0, -1.0]), "180": ([0, 1], [-1.0, -1.0]), "-90": ([1, 0], [-1.0, 1.0])}
@@ -93,22 +97,24 @@ LAGS = np.linspace(-0.2, 0.2, 41)
 def mechanics_of(design: Design, responses: Path | None) -> tuple[Mechanics, str, float]:
     """Return the mechanics of a design, their source, and the relative standard deviation of their forces.
 
+    responses : states of finite elements; None for the best source that covers the design.
+
     Raises
     ------
     BadInput
-        The surrogate does not know the design, and no states of finite elements are given.
+        The file cannot be read, or neither surrogate nor finite elements know the design.
     """
-    if responses is not None:
-        return of_file(responses, design), f"finite elements ({responses.name})", SOLVED_ERROR
-    try:
-        found = mechanics_sources.of_surrogate(design)
-        width = mechanics_sources.half_width_of_press(design, found)
-    except BadInput as error:
+    found = mechanics_sources.source_of(design, None, responses)
+    words = mechanics_sources.in_words(found)
+    if found.name == mechanics_sources.SURROGATE:
+        return found.law, words, mechanics_sources.half_width_of_press(design, found) / sensor_fit.QUANTILE
+    if found.is_formula:
         raise BadInput(
-            f"{str(error).removesuffix(': take finite elements')}: give --responses, states of finite elements that "
-            "magtip solve --json printed"
-        ) from None
-    return found.law, mechanics_sources.in_words(found), width / sensor_fit.QUANTILE
+            f"only formulas cover this design ({found.reason}), whose errors are not known: give --responses, states "
+            "of finite elements that magtip solve --json printed"
+        )
+    words = f"{words} ({found.reason})" if responses is None else f"finite elements ({responses.name})"
+    return found.law, words, SOLVED_ERROR
 
 
 def estimate_lag(bench: Bench) -> float | None:
@@ -460,7 +466,7 @@ def run(
     Raises
     ------
     BadInput
-        The design has no magnet, the surrogate does not know it, or an option or a file cannot be read.
+        The design has no magnet, no mechanics cover it, or an option or a file cannot be read.
     """
     if not design.shape.has_magnet:
         raise BadInput("this design has no magnet (magnet_diameter is 0), so there is nothing to calibrate")
@@ -473,11 +479,15 @@ def run(
     recorded = dataclasses.replace(rows_of(design, bench), needed=needed)
     if options.decoder == "model":
         return _modelled(design, recorded, options, (made, values), f"{command} --decoder regression", progress)
+    # the model beside it may fail, but not by an option
+    sensor_fit.unknowns_of(design, bench, made, freed=options.free or [], fixed=values)
+    if options.responses is not None:
+        mechanics_of(design, options.responses)
     compared = regression_study.compared(design, recorded, options.force_noise)
     other = command.replace(" --decoder regression", "")
     try:
         model: Result | str = _modelled(design, recorded, options, (made, values), command, progress)
-    except BadInput as error:
+    except (BadInput, SolveFailed) as error:
         model = str(error)
     return regression_study.result(compared, model, other, figures)
 
@@ -496,6 +506,8 @@ def rows_of(design: Design, bench: Bench) -> Recorded:
     said = [*at_rail, *copied]
     if len(rows) < len(usable):
         said.append(f"{len(rows)} of {len(usable)} rows are used, evenly spaced: more would teach hardly anything")
+    if len(bench.runs) == 1:
+        said.append(ONE_RUN)
     return Recorded(bench, measured, lag, rows, said, copied)
 
 

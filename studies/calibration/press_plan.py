@@ -132,6 +132,7 @@ class Plan:
         )
         return [
             f"Loads: {self.range_source}: presses up to {self.needed.force_z:.4g} N{along}.",
+            f"Mechanics: {self.mechanics_source}.",
             how,
             promise,
         ]
@@ -139,7 +140,7 @@ class Plan:
     def warnings(self) -> list[str]:
         """Return a sentence if loads are left out."""
         left_out = (
-            f"{100 * self.lost:.3g} % of the loads are beyond the mechanics ({self.mechanics_source}), and left out: "
+            f"{100 * self.lost:.3g} % of the loads are beyond the mechanics, and left out: "
             "give --responses, states of finite elements under larger loads"
         )
         return [left_out] if self.lost else []
@@ -180,13 +181,13 @@ def plan(
     ----------
     made : tolerances of the sensor.
     needed : its requirements; None for usual loads.
-    responses : states of finite elements, for the mechanics in place of the surrogate.
+    responses : states of finite elements; None for the best source of mechanics that covers the design.
     force_noise : standard deviation of a measured force, N; default: ASSUMED_NOISE of the largest one.
 
     Raises
     ------
     BadInput
-        The design has no magnet, the surrogate does not know it, or its loads are beyond the mechanics.
+        The design has no magnet, no mechanics cover it, or its loads are beyond them.
     """
     if not design.shape.has_magnet:
         raise BadInput("this design has no magnet (magnet_diameter is 0), so no bench of it has readings")

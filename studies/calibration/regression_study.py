@@ -254,11 +254,6 @@ def result(
     why, said, own = _why(one, of_model, reason, other), sentences(one), best_of(one.rows)
     assert own is not None
     warnings = [*recorded.said]
-    if len(bench.runs) == 1:
-        warnings.append(
-            "there is one run only, so the errors are those of parts of the same run, and another one may be worse: "
-            "record a second run"
-        )
     if of_model and of_model["rmse_N"] * BETTER < own["rmse_N"]:
         ratio = own["rmse_N"] / of_model["rmse_N"]
         warnings.insert(0, f"the model of the sensor decodes held-out rows {ratio:.2g} times better: {other}")

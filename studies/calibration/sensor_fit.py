@@ -316,11 +316,16 @@ class Sensor:
 @functools.lru_cache(maxsize=4)
 def _start_grid(sensor: Sensor, theta: tuple[float, ...]) -> tuple[Array, Array, Array]:
     """Return shifts (n, 3) over the workspace, what a sensor predicts there (n, k + 6), and the standard deviations
-    (k + 6,) of this by the priors of its unknowns, root mean square over the workspace."""
+    (k + 6,) of this by the priors of its unknowns, root mean square over these shifts.
+
+    Corners of the workspace, farther sideways than all samples of the mechanics, are left out: polynomials may have
+    the forces of other shifts there.
+    """
     low, high = workspace(sensor.design, sensor.mechanics)
     # 0 sideways and at rest are points of the grid
     axes = [np.linspace(a, b, n) for a, b, n in zip(low, [*high[:2], 0.0], GRID, strict=True)]
     grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    grid = grid[np.hypot(grid[:, 0], grid[:, 1]) <= (1 + 1e-9) * high[0]]
     found = sensor.predict(np.array(theta), grid, np.zeros(len(grid)))
     defined = np.isfinite(found).all(axis=1)  # not so inside an element
     grid, found = grid[defined], found[defined]

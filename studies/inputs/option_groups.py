@@ -275,7 +275,8 @@ class Calibrating:
     """What is known of a made sensor and its test stand."""
 
     responses: Path | None = None
-    """File of states printed by `magtip solve --json`, for the mechanics; default: the surrogate."""
+    """File of states printed by `magtip solve --json`, for the mechanics; default: the surrogate, where it covers the
+    design, else finite elements, which are solved in half a minute and stay in the store."""
     columns: Annotated[list[str] | None, Parameter(name="--column")] = None
     """NAME=HEAD: the column that holds a reading or a force under another name, such as `S1=X0 [uT]`; a minus before
     the head reverses its numbers, such as `chip_x=-Y0 [uT]`; repeatable."""
@@ -304,7 +305,8 @@ class Planning:
     presses: Whole = 12
     """Number of presses of the plan."""
     responses: Path | None = None
-    """File of states printed by `magtip solve --json`, for the mechanics; default: the surrogate."""
+    """File of states printed by `magtip solve --json`, for the mechanics; default: the surrogate, where it covers the
+    design, else finite elements, which are solved in half a minute and stay in the store."""
     tolerances: Annotated[list[str] | None, Parameter(name="--tolerance")] = None
     """NAME=VALUE: largest deviation of a built sensor, as in `sensitivity`; repeatable."""
     force_noise: float | None = None

@@ -190,7 +190,9 @@ def of_finite_elements(design: Design) -> Source:
         lost = next((text for text in found["message"] if text), "")
         raise SolveFailed(f"of {len(stable)} stable presses {len(sheared)} have shears, fewer than {ENOUGH}: {lost}")
     new = int((found["seconds"] > 0).sum())
-    return Source(FEM, of_samples(samples), f"{len(samples)} states by finite elements, {new} of them solved now")
+    return Source(
+        FEM, of_samples(samples), f"{len(samples)} of {len(loads)} states by finite elements ({new} solved now)"
+    )
 
 
 def _loads(design: Design) -> list[Load]:
