@@ -17,6 +17,7 @@ from dataclasses import replace
 from typing import Any
 
 from fem.accuracy import STANDARD, Accuracy, level
+from fem.results.diagnostics import Margin
 from fem.results.error_estimates import estimate_state
 from fem.results.lateral_stiffness import SidewaysModel
 from fem.results.postprocess import read
@@ -88,6 +89,7 @@ def trace(
     magnet: Magnet = "rigid",
     model: Model = "auto",
     estimate: bool = True,
+    ratios: bool = False,
     progress: Progress | None = None,
 ) -> list[Solution]:
     """Solve for the states under loads that follow one another, such as presses to rising depths in mm.
@@ -97,6 +99,8 @@ def trace(
     design, accuracy, magnet, model : as in `solve`.
     loads : a path of loads of one kind (see `fem.scene.Scene`).
     estimate : estimate errors from a second solve on a coarser mesh.
+    ratios : give each press that is checked its sideways stiffness (`Facts.sideways_stiffness_ratio`). Otherwise the
+        deepest one is checked first, and a press less deep than one that is stable with room to spare has none.
     progress : called with the completed share of the path, 0 to 1, and a text.
 
     Returns
@@ -110,10 +114,12 @@ def trace(
         As in `solve`.
     """
     scene = Scene(design, tuple(loads), level(accuracy), magnet, model)
-    return list(walk(scene, estimate=estimate, progress=progress))
+    return list(walk(scene, estimate=estimate, ratios=ratios, progress=progress))
 
 
-def walk(scene: Scene, *, estimate: bool = True, progress: Progress | None = None) -> Iterator[Solution]:
+def walk(
+    scene: Scene, *, estimate: bool = True, ratios: bool = True, progress: Progress | None = None
+) -> Iterator[Solution]:
     """Solve for the states under the loads of a scene; each load applies first its depth, then its shear.
 
     Parameters
@@ -122,6 +128,7 @@ def walk(scene: Scene, *, estimate: bool = True, progress: Progress | None = Non
         by COARSER and with one harmonic less (two in place of one), see `fem.results.error_estimates`; they stay
         unknown where there is no such mesh (`Scene.coarser`). Also check whether an axisymmetric press would be
         stable sideways; if not, the message says so.
+    ratios : as in `trace`; without them the states of one mesh are read when all are solved.
     progress : called with the completed share of the path and a text.
 
     Yields
@@ -132,7 +139,7 @@ def walk(scene: Scene, *, estimate: bool = True, progress: Progress | None = Non
     coarse, done = scene.coarser() if estimate else None, 0
     for loads in split_by_mesh(scene):
         report = None if progress is None else functools.partial(_report, progress, scene, done)
-        states = _follow(replace(scene, loads=loads), report, watch=coarse is not None)
+        states = _follow(replace(scene, loads=loads), report, watch=coarse is not None, ratios=ratios)
         coarse_states = None if coarse is None else _follow(replace(coarse, loads=loads), None)
         for state in states:
             coarse_state = None if coarse_states is None else next(coarse_states, None)
@@ -158,21 +165,47 @@ def with_estimates(state: Solution, coarse_state: Solution, scene: Scene) -> Sol
     return replace(state, seconds=seconds, estimates=estimates)
 
 
-def _follow(scene: Scene, report: Callable[[int, Load], None] | None, *, watch: bool = False) -> Generator[Solution]:
+def _follow(
+    scene: Scene, report: Callable[[int, Load], None] | None, *, watch: bool = False, ratios: bool = True
+) -> Generator[Solution]:
     """Solve for the states of loads that share a mesh; report the number of those that are solved."""
-    begin, path = time.perf_counter(), Path(path_models(scene))
-    state, margin = path.rest, sideways_model(scene, path).margin if watch else None
+    path = Path(path_models(scene))
+    sideways, reached = sideways_model(scene, path) if watch else None, _reach(scene, path, report)
+    if sideways is None or ratios:
+        margin = None if sideways is None else sideways.margin
+        solutions = (solution(margin=margin) for solution in reached)
+    else:
+        solutions = _deepest_first(scene.loads, list(reached), sideways.verdict)
+    for solution in solutions:
+        yield solution
+        if solution.status not in ANSWERED:
+            return
+
+
+def _reach(
+    scene: Scene, path: Path, report: Callable[[int, Load], None] | None
+) -> Generator[functools.partial[Solution]]:
+    """Follow a path up to where it stops; yield the reading of each state, which lacks its margin only."""
+    begin, state = time.perf_counter(), path.rest
     for i, load in enumerate(scene.loads):
         if report is not None:
             report(i, load)
         reached = path.apply(state, scene.position(load))
         state, seconds, begin = reached.state, time.perf_counter() - begin, time.perf_counter()
-        solution = read(
-            state, scene, load, reached.stop, iterations=reached.iterations, seconds=seconds, margin=margin
+        yield functools.partial(
+            read, state, scene, load, reached.stop, iterations=reached.iterations, seconds=seconds
         )
-        yield solution
-        if solution.status not in ANSWERED:
+        if reached.stop:
             return
+
+
+def _deepest_first(
+    loads: Sequence[Load], readings: Sequence[functools.partial[Solution]], margin: Margin
+) -> Generator[Solution]:
+    """Read states from the deepest on; yield them in their order."""
+    order = sorted(range(len(readings)), key=lambda i: -loads[i].depth)
+    found = {i: readings[i](margin=margin) for i in order}
+    yield from (found[i] for i in range(len(readings)))
 
 
 def sideways_model(scene: Scene, path: Path) -> SidewaysModel:

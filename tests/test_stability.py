@@ -9,7 +9,7 @@ import pytest
 from analytic import buckling
 from fem.accuracy import QUICK, STANDARD
 from fem.analyses import stability
-from fem.equilibrium import solve
+from fem.equilibrium import solve, trace
 from fem.model import element_assembly
 from fem.model.symmetry_models import MeshSpecification
 from fem.results.lateral_stiffness import SidewaysModel
@@ -159,6 +159,16 @@ def test_no_verdict_contradicts_the_critical_depth():
         assert state.status == "unknown"
         assert abs(state.facts.sideways_stiffness_ratio) <= state.facts.sideways_half_width
         assert "it gives way at a depth of about 1." in state.message
+
+
+def test_presses_less_deep_than_one_with_room_have_a_verdict_without_a_ratio():
+    """The deepest two are too near the critical depth to tell of others, 2 mm is not."""
+    loads = [Load(depth) for depth in (2.6, 0.5, 2.0, 1.0, 2.5)]
+    every, needed = (trace(paper(), loads, QUICK, ratios=ratios) for ratios in (True, False))
+    ratios = [state.facts.sideways_stiffness_ratio for state in every]
+    assert [state.facts.sideways_stiffness_ratio for state in needed] == [ratios[0], None, ratios[2], None, ratios[4]]
+    for one, other in zip(every, needed, strict=True):
+        assert (one.status, one.message, one.response) == (other.status, other.message, other.response)
 
 
 def test_a_ratio_near_zero_tells_nothing_but_several_unstable_directions_do(sideways, critical):

@@ -36,19 +36,24 @@ from __future__ import annotations
 
 import functools
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from fem.model import plate_contact, single_order, symmetry_models
 from fem.model.plate_contact import Plate
 from fem.model.symmetry_models import Discretisation
-from fem.solve.direct_solver import UNKNOWN, Solver, Stability
+from fem.solve.direct_solver import STABLE, UNKNOWN, Solver, Stability
 from fem.solve.path_state import PathState, about
 
 FAR, PAST = 0.5, -0.3
 """Ratios of the lateral stiffness to that at rest between which a critical depth is estimated: the range of the
 comparison in the module docstring."""
+ROOM_WIDTHS, ROOM_DEPTH = 3.0, 0.8
+"""Least ratio over its half width, and largest depth over the estimated critical depth, of a press that shows that
+all less deep ones are stable and not close to buckling. Its own ratio may be one half width too large, theirs one too
+small, and must be beyond a third; with an error of 10 % the depth is less than `fem.results.diagnostics.NEAR` of the
+critical one."""
 HALF_WIDTH, LEAST_CHANGE = 1.4, 0.1
 """Factor of the half width of a ratio, and least change of the ratio from 1 in it, see the module docstring."""
 
@@ -73,6 +78,13 @@ class StabilityMargin:
     def is_doubtful(self) -> bool:
         """Whether the mesh does not tell on which side of the critical depth the press is."""
         return self.ratio is not None and self.stability.is_unknown and within(self.ratio, self.half_width)
+
+    def has_room(self, depth: float) -> bool:
+        """Whether a press with this margin, to a depth over D, shows that all less deep ones are stable."""
+        if self.ratio is None or self.half_width is None or not self.stability.is_stable:
+            return False
+        far = self.critical_depth is None or depth < ROOM_DEPTH * self.critical_depth
+        return far and self.ratio > ROOM_WIDTHS * self.half_width
 
 
 def ratio_half_width(ratio: float, edge: float, contact_radius: float) -> float:
@@ -105,6 +117,7 @@ class SidewaysModel:
     low: Discretisation
     edge: float
     harmonics: int = 1
+    _stable_to: float = field(default=0.0, init=False)
 
     @functools.cached_property
     def orders(self) -> list[Discretisation]:
@@ -151,6 +164,16 @@ class SidewaysModel:
             stability = UNKNOWN
         critical = depth * math.pow(1 - ratio, -1 / growth) if near else None
         return StabilityMargin(ratio, critical, stability, half_width)
+
+    def verdict(self, state: PathState) -> StabilityMargin:
+        """Return the margin of a press; without its numbers where a deeper one before has shown that it is stable."""
+        depth = float(state.position[0])
+        if state.friction is None and depth <= self._stable_to:
+            return StabilityMargin(None, None, STABLE)
+        margin = self.margin(state)
+        if margin.has_room(depth):
+            self._stable_to = depth
+        return margin
 
 
 def _about(d: Discretisation, state: PathState, *, guided: bool) -> tuple[Discretisation, Plate]:

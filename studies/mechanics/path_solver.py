@@ -254,7 +254,7 @@ def _followed(scene: Scene, loads: Sequence[Load]) -> list[State]:
     from fem import equilibrium
 
     try:
-        solutions = equilibrium.trace(scene.design, loads, scene.accuracy, magnet=scene.magnet, model=scene.model)
+        solutions = list(equilibrium.walk(replace(scene, loads=tuple(loads))))
         end = solutions[-1].status, solutions[-1].message
     except SolveFailed as error:
         solutions, end = [], ("not_converged", str(error))

@@ -97,7 +97,7 @@ def answers(
     """Return the answers of the live page to each depth and shear, in all directions."""
 
     def path(loads: list[Load]) -> list[Solution]:
-        return trace(design, loads, accuracy, magnet=magnet, estimate=True)
+        return trace(design, loads, accuracy, magnet=magnet, ratios=True)
 
     presses = path([Load(depth) for depth in stops.depth])
     if sum(state.status in ANSWERED for state in presses) < 2:
