@@ -225,11 +225,9 @@ class Scene:
             }
             for load in self.loads
         ]
-        accuracy = {name: value for name, value in dataclasses.asdict(self.accuracy).items() if name != "name"}
-        if (
-            self.accuracy.coarseness == 1
-        ):  # all levels: their states have the keys of stores made before it was a field
-            del accuracy["coarseness"]
+        # states of all levels have the keys of stores made before the last two were fields
+        left_out = {"name": self.accuracy.name, "coarseness": 1.0, "tolerance_factor": 1.0}
+        accuracy = {k: v for k, v in dataclasses.asdict(self.accuracy).items() if v != left_out.get(k)}
         content = {
             "shape": dataclasses.asdict(shape.scaled(1 / D)),
             "nu": self.design.nu,

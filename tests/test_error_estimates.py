@@ -2,7 +2,7 @@
 
 import functools
 import math
-from dataclasses import astuple, replace
+from dataclasses import asdict, astuple, replace
 from typing import get_args
 
 import numpy as np
@@ -19,6 +19,7 @@ from fem.results.error_estimates import (
     error_rule,
     error_rules,
     estimate_response,
+    estimate_state,
     load_case,
     relative_error,
     table_rows,
@@ -51,6 +52,22 @@ def test_the_second_mesh_has_less_than_half_of_the_elements(load):
             for accuracy in (level, coarser(level))
         )
         assert 0.3 * fine < coarse < 0.5 * fine
+
+
+@pytest.mark.parametrize("load", [replace(PRESS, depth=2.0), STICK])
+def test_the_tolerance_of_the_second_solve_decides_no_estimate(load):
+    (found,), rough, scene = (
+        trace(paper(), [load], QUICK, estimate=False),
+        coarser(QUICK),
+        Scene(paper(), (load,), QUICK),
+    )
+    loose, exact = (
+        estimate_state(found, trace(paper(), [load], accuracy, estimate=False)[0], scene)
+        for accuracy in (rough, replace(rough, tolerance_factor=1.0))
+    )
+    assert loose != exact
+    for name, estimate in asdict(exact).items():
+        assert getattr(loose, name) == (None if estimate is None else pytest.approx(estimate, rel=1e-3))
 
 
 def test_estimates_grow_with_the_difference_to_the_companion_and_never_vanish():

@@ -20,6 +20,7 @@ from fem.model.elements import SAME_PLACE
 from fem.model.symmetry_models import MeshSpecification, specification
 from fem.scene import FIRST_TOUCH, Scene
 from fem.solve.load_stepping import PathModels
+from fem.solve.newton import TOLERANCE
 from fem.solve.press import find_press
 from geometry.loads import Load
 
@@ -50,8 +51,9 @@ def path_models(scene: Scene) -> PathModels:
     else:  # axisymmetric until the shear
         section = _section(scene, scene.accuracy.section_size)
         models = PathModels(section, raised=_harmonic(scene, section))
-    factor = scene.accuracy.friction_step_factor
-    return replace(models, grip=scene.grip, tilt=scene.plate_tilt, mu=scene.coulomb, friction_step_factor=factor)
+    factor, tolerance = scene.accuracy.friction_step_factor, scene.accuracy.tolerance_factor * TOLERANCE
+    models = replace(models, grip=scene.grip, tilt=scene.plate_tilt, mu=scene.coulomb, tolerance=tolerance)
+    return replace(models, friction_step_factor=factor)
 
 
 def press(scene: Scene) -> PathModels:

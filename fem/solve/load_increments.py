@@ -144,11 +144,12 @@ def march_in_increments(
 
 
 def follow_segment(
-    solver: Solver, state: PathState, goal: Array, *, passes: bool = False, friction_step_factor: float = 1.0
+    solver: Solver, state: PathState, goal: Array, tolerance: float = TOLERANCE, *, friction_step_factor: float = 1.0
 ) -> Reached[PathState]:
     """Move in a straight line to a position (3,) in increments.
 
-    passes : whether the goal too is only passed: a prediction, or an increment of a longer segment.
+    tolerance : of the goal without friction; PASSED_TOLERANCE where it too is only passed, for a prediction or as an
+        increment of a longer segment.
     """
     start, reached = state.position, Reached(state, "", 0)
     length = float(np.linalg.norm(goal - start))
@@ -159,9 +160,8 @@ def follow_segment(
     def increment(state: PathState, target: float, step: float) -> Reached[PathState]:
         position = goal if target == 1 else start + target * (goal - start)
         # with friction every state is solved fully, as the history keeps its error
-        passed = (passes or target < 1) and state.friction is None
-        tolerance = PASSED_TOLERANCE if passed else TOLERANCE
-        return apply_increment(solver, state, position, tolerance, accept=step * length <= LONGEST_DOUBTFUL)
+        allowed = TOLERANCE if state.friction is not None else tolerance if target == 1 else PASSED_TOLERANCE
+        return apply_increment(solver, state, position, allowed, accept=step * length <= LONGEST_DOUBTFUL)
 
     state = turn(state, (goal - start) / length)
     for after in march_in_increments(state, longest, SHORTEST * min(1.0, 1 / length), increment):

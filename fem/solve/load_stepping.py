@@ -28,6 +28,7 @@ from fem.solve.direct_solver import Solver
 from fem.solve.load_increments import (
     CRUSHED,
     LONGEST,
+    PASSED_TOLERANCE,
     Reached,
     apply_increment,
     follow_segment,
@@ -62,6 +63,7 @@ class PathModels:
     mu : coefficient of Coulomb friction, or None.
     kappa : stiffness number of the plate under an upright press of a section without friction.
     friction_step_factor : factor on the longest increments with Coulomb friction.
+    tolerance : Newton's tolerance of the states without friction.
     """
 
     first: MeshSpecification
@@ -73,6 +75,7 @@ class PathModels:
     mu: float | None = None
     kappa: float = SECTION_KAPPA
     friction_step_factor: float = 1.0
+    tolerance: float = TOLERANCE
 
 
 class Path:
@@ -121,7 +124,7 @@ class Path:
         iterations = 0
         if abs(ahead) < min(depth, LONGEST) and _is_sound(state):
             here = turn(state, np.array([math.copysign(1.0, ahead), 0.0, 0.0]))
-            followed = apply_increment(solver, here, goal, TOLERANCE, accept=False)
+            followed = apply_increment(solver, here, goal, self._models.tolerance, accept=False)
             if not followed.stop and _is_sound(followed.state):
                 return followed
             iterations = followed.iterations
@@ -129,7 +132,7 @@ class Path:
         iterations += passed.iterations
         if passed.stop:
             return replace(passed, iterations=iterations)
-        reached = follow_segment(solver, passed.state, goal)
+        reached = follow_segment(solver, passed.state, goal, self._models.tolerance)
         after = replace(reached.state, smooth=reached.state.smooth and _is_sound(passed.state))
         return replace(reached, state=after, iterations=iterations + reached.iterations)
 
@@ -141,7 +144,7 @@ class Path:
         iterations, count = 0, max(math.ceil(depth / LONGEST - 1.001), 0)
         while len(self._passed) <= count:
             goal = np.array([len(self._passed) * LONGEST, 0.0, 0.0])
-            reached = follow_segment(self._solvers[self.rest.d.model], self._passed[-1], goal, passes=True)
+            reached = follow_segment(self._solvers[self.rest.d.model], self._passed[-1], goal, PASSED_TOLERANCE)
             iterations += reached.iterations
             if reached.stop:
                 return replace(reached, iterations=iterations)
@@ -175,7 +178,8 @@ class Path:
         solver = self._solvers.setdefault(state.d.model, Solver())
         state, before = predict(solver, self._reduced_solver, state, goal)
         # returns at once if the prediction has reached the goal
-        reached = follow_segment(solver, state, goal, friction_step_factor=self._models.friction_step_factor)
+        tolerance, factor = self._models.tolerance, self._models.friction_step_factor
+        reached = follow_segment(solver, state, goal, tolerance, friction_step_factor=factor)
         return replace(reached, iterations=before + reached.iterations)
 
 
@@ -198,7 +202,7 @@ def predict(solver: Solver, reduced_solver: Solver, state: PathState, goal: Arra
     added = state.q - raise_harmonics(low, high, before.q)
     if before.bond is None:
         before = replace(before, bond=state.bond)
-    ahead = follow_segment(reduced_solver, before, goal, passes=True)
+    ahead = follow_segment(reduced_solver, before, goal, PASSED_TOLERANCE)
     state = replace(state, reduced=ahead.state)
     if ahead.stop:
         return state, ahead.iterations

@@ -79,7 +79,7 @@ def accuracy_name(values: str | None) -> str | None:
     """Return the name of the accuracy level with these values (JSON), or other."""
     if values is None:
         return None
-    wanted = {"coarseness": 1.0} | json.loads(values)
+    wanted = {"coarseness": 1.0, "tolerance_factor": 1.0} | json.loads(values)
     return next((name for name, level in LEVELS.items() if asdict(level) == wanted | {"name": name}), "other")
 
 
