@@ -154,6 +154,7 @@ def test_a_stream_with_times_is_the_table_and_zero_removes_an_offset(run, tmp_pa
         ("time_s,S1_V,S2_V,S3_V\n1,3,3,3\n0,3,3,3\n", (), "row 2: time_s must be a number of s, not below"),
         ("time_s,S1_V,S2_V,S3_V\n0,3,3,3\n1,3,3,3\n", ("--zero", "2,3"), "no row with readings lies in this time"),
         ("time_s,S1_V,S2_V,S3_V\n0,3,3,3\n1,3,3,3\n", ("--zero", "1,2,3"), "takes times FROM,TO"),
+        ("time_s,S1_V,S2_V,S3_V\n0,3,3,3\n1,3,3,3\n", ("--zero", "0"), "takes no row for rest, since the first one"),
         ("S1_V,S2_V,S3_V\n3,3,3\n", ("--zero", "0,1"), "has no column time_s"),
     ],
 )

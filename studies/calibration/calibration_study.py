@@ -709,7 +709,7 @@ def _result(
             Table(title="Unknowns", rows=tables["unknowns"]),
             Table(title="Held-out rows", rows=summary),
             f"Errors in percent are those of {origin['of_what']}, {origin['full_scale']:.4g} N.",
-            *(f"{each[0].upper()}{each[1:]}." for each in said),
+            *(f"{page_templates.sentence(each)}." for each in said),
         ],
         tables=tables,
         files={

@@ -27,6 +27,7 @@ from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.messages import Progress
 from studies.inputs.table_input import UNITS, Measured, split_head
+from studies.output import page_templates
 from studies.output.figures import Figure, Look, picture, plot
 from studies.output.result import Result, Table
 
@@ -153,7 +154,7 @@ def run(design: Design, file: Path, progress: Progress) -> Result:
         shown=[
             Table(title="Unknowns", rows=rows),
             f"Residuals {1e3 * rms:.2g} mT (root of the mean square) at {len(position)} positions.",
-            *(f"{each[0].upper()}{each[1:]}." for each in (*told, note)),
+            *(f"{page_templates.sentence(each)}." for each in (*told, note)),
         ],
         tables={"scan": table, "unknowns": rows},
         files={"scan.png": partial(picture, rows=table, draw=figures)},

@@ -284,7 +284,7 @@ def result(
             Table(title="Columns", rows=bench.understood),
             Table(title="Held-out rows", rows=table),
             Table(title="Range of the bench", rows=record["ranges"]),
-            *(f"{each[0].upper()}{each[1:]}." for each in why),
+            *(f"{page_templates.sentence(each)}." for each in why),
         ],
         tables={"decoders": table, "columns": bench.understood},
         files={

@@ -31,6 +31,15 @@ def filled(text: str, **values: Any) -> str:
     return str(_environment(Path(__file__).parent).from_string(text).render(values))
 
 
+def sentence(text: str) -> str:
+    """Return a text that begins with a capital letter, unless its first word is a name such as outer_size or l0.
+
+    >>> sentence("the plate slips"), sentence("outer_size must exceed D"), sentence("l0 is small")
+    ('The plate slips', 'outer_size must exceed D', 'l0 is small')
+    """
+    return text[:1].upper() + text[1:] if re.match(r"[a-z]+(-[a-z]+)*[,:;.]?(\s|$)", text) else text
+
+
 def listed(lines: Iterable[str], nothing: str = "None.") -> str:
     """Return lines as a list, each once, or the text for none."""
     return "\n".join(f"- {line}" for line in dict.fromkeys(lines)) or nothing
@@ -38,8 +47,8 @@ def listed(lines: Iterable[str], nothing: str = "None.") -> str:
 
 @functools.cache
 def _environment(folder: Path) -> Any:
-    """Return the templates, with the filters `table`, `cell`, `listed`, `shown` of a number as the terminal shows it,
-    `f`, which formats as Python does, and for a user's texts `md`, `code` (of Markdown) and `comment` (of C).
+    """Return the templates, with the filters `table`, `cell`, `listed`, `sentence`, `shown` of a number as the terminal
+    shows it, `f`, which formats as Python does, and for a user's texts `md`, `code` (of Markdown) and `comment` (of C).
 
     A template of HTML escapes by itself.
     """
@@ -56,6 +65,7 @@ def _environment(folder: Path) -> Any:
         "table": functools.partial(markdown, nothing="None."),
         "cell": cell,
         "listed": listed,
+        "sentence": sentence,
         "shown": functools.partial(shown, ""),
         "f": format,
         "md": literals.in_markdown,

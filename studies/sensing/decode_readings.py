@@ -378,11 +378,13 @@ def rows_at_rest(
     ends = user_input.parse_numbers("--zero", text)
     if len(ends) == 1:
         ends = [float(times[0]), *ends]
+        if not ends[0] < ends[1]:
+            raise BadInput(
+                f"--zero {text} takes no row for rest, since the first one is at {ends[0]:g} s: give a later time "
+                "TO, until which nothing touches the sensor, or leave --zero out"
+            )
     if len(ends) != 2 or not ends[0] < ends[1]:
-        raise BadInput(
-            "--zero takes times FROM,TO in s, the first one before the second, or TO after the first row; "
-            f"got {text!r}"
-        )
+        raise BadInput(f"--zero takes times FROM,TO in s, the first one before the second, or TO alone; got {text!r}")
     inside = (ends[0] <= times) & (times <= ends[1])
     if not (np.isfinite(readings) & ~full)[inside].any(axis=0).all():
         raise BadInput(

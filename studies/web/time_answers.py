@@ -27,6 +27,7 @@ from geometry.loads import ANSWERED, Load, Magnet
 from geometry.relaxation import range_sentence, relaxation_of
 from studies.mechanics import resonance_peaks
 from studies.mechanics.cycle_motion import Motion, frequency_of
+from studies.output import page_templates
 from studies.simulation import response_curves
 from studies.simulation.response_curves import At
 from studies.web.explorer_state import ExplorerState
@@ -161,13 +162,7 @@ def _message(vibrating: Vibrating, motion: str, rows: Rows) -> str:
 
 def refusal(sentence: str) -> Data:
     """Return a part without numbers, and why there are none."""
-    # the name of a field such as l0 stays as it is
-    is_word = sentence.partition(" ")[0].isalpha()
-    return {
-        "columns": ["", ""],
-        "rows": [],
-        "message": f"{sentence[:1].upper() if is_word else sentence[:1]}{sentence[1:]}.",
-    }
+    return {"columns": ["", ""], "rows": [], "message": f"{page_templates.sentence(sentence)}."}
 
 
 def rate(design: Design, frequency: float) -> Data | None:
