@@ -698,7 +698,7 @@ def _result(
         force_noise=sensor.force_noise,
         force_share=100 * sensor.force_share,
         noise=dict(zip(bench.readings, sensor.noise.tolist(), strict=True)),
-        curve=_curve(tables["learning"]),
+        curve=_curve(tables["learning"]) if regression_study.is_curve(tables["learning"]) else [],
     )
     text = calibration_file.as_text(found, origin["mechanics"], origin["lag_s"], warnings, failures)
     return Result(
@@ -766,16 +766,16 @@ def figures(truth: Array, force: Array, curve: Rows) -> list[Figure]:
 
     shown = pd.DataFrame(truth, columns=list("xyz")).melt(var_name="series", value_name="measured force (N)")
     shown["series"] = shown["panel"] = "F" + shown.series
-    shown["error of the decoded force (N)"] = (force - truth).T.ravel()
+    shown["error (N)"] = (force - truth).T.ravel()
     errors = plot(
         "Error of decoded forces",
         "Decoded less measured force of rows that the calibration has not seen, over the measured force.",
         shown.dropna(subset="measured force (N)"),
         "measured force (N)",
-        "error of the decoded force (N)",
+        "error (N)",
         Look(line=False, guides=(Guide("y", 0.0, ""),), shared=False),
     )
-    if not curve:
+    if not regression_study.is_curve(curve):
         return [errors]
     learned = pd.DataFrame(curve).rename(
         columns={"training_rows": "training rows (1)", "rmse_N": "RMSE on held-out rows (N)"}
@@ -787,6 +787,6 @@ def figures(truth: Array, force: Array, curve: Rows) -> list[Figure]:
         learned.reset_index().rename(columns={"method": "series"}),
         "training rows (1)",
         "RMSE on held-out rows (N)",
-        Look(log="xy" if len(learned.index.unique(1)) > 1 else "y"),
+        Look(log="xy"),
     )
     return [errors, learning]

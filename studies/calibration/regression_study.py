@@ -219,6 +219,12 @@ def why_model(model: FlatRow, best: FlatRow | None, other: str) -> list[str]:
     return [f"{written}; {compared}" if math.isfinite(ratio) else written, f"for the regression: {other}"]
 
 
+def is_curve(learning: Rows) -> bool:
+    """Return whether rows of a learning curve have more than one number of training rows, which a dozen presses have
+    not."""
+    return len({row["training_rows"] for row in learning}) > 1
+
+
 def _why(one: Compared, model: FlatRow | None, said: str, other: str) -> list[str]:
     """Return which decoder was written and why, and how to get the other one, in sentences.
 
@@ -264,6 +270,7 @@ def result(
         "ranges": ranges(found, bench.readings, parts.of_design(design)[0].unit), "decoders": table,
         "sentences": [*why, *said],
     }  # fmt: skip
+    curve: Rows = [] if isinstance(model, str) else model.tables["learning"]
     page = page_templates.rendered(
         Path(__file__).with_name("REGRESSION.md.j2"),
         record=record, warnings=warnings, said=said, why=why, decoders=table, columns=bench.understood, law=law,
@@ -272,10 +279,9 @@ def result(
             for axis, values in zip(AXES, found.covariance.tolist(), strict=True)
         ],
         factor=found.factor, farthest=found.farthest, warmth=force_regression.WARMTH,
-        learned=not isinstance(model, str),
+        learned=is_curve(curve),
     )  # fmt: skip
     text = calibration_file.regression_text(found, recorded.lag, warnings)
-    curve: Rows = [] if isinstance(model, str) else model.tables["learning"]
     drawn = partial(figures, recorded.force, one.chosen.force, curve)
     return Result(
         title="Calibration",

@@ -47,8 +47,9 @@ def listed(lines: Iterable[str], nothing: str = "None.") -> str:
 
 @functools.cache
 def _environment(folder: Path) -> Any:
-    """Return the templates, with the filters `table`, `cell`, `listed`, `sentence`, `shown` of a number as the terminal
-    shows it, `f`, which formats as Python does, and for a user's texts `md`, `code` (of Markdown) and `comment` (of C).
+    """Return the templates, with the filters `table`, `cell`, `listed`, `sentence`, `shown` of a number as the
+    terminal shows it, `f`, which formats as Python does, and for a user's texts `md`, `code` (of Markdown) and
+    `comment` (of C).
 
     A template of HTML escapes by itself.
     """
