@@ -111,7 +111,7 @@ def test_calibrate_writes_what_decode_reads(bench, run, toml, tmp_path):
     own = record["held_out"][0]
     assert (record["full_scale_N"], own["rmse_percent"]) == (6.0, pytest.approx(100 * own["rmse_N"] / 6))
     page = (out / "CALIBRATION.md").read_text("utf-8")
-    assert "`rmse_percent` over the required press, 6 N." in page
+    assert "error in percent of the required press, 6 N." in page
     told = re.search(r"next press that helps most within the required loads: (\S+) N with \((\S+), (\S+)\) N", page)
     z, x, y = map(float, told.groups())
     assert 0 < z <= 6.001

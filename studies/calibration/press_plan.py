@@ -126,9 +126,10 @@ class Plan:
             "readings, forces and, if it is known, the depth; depths and shears are those of a sensor as designed."
         )
         promise = (
-            f"95 % of made sensors then miss no force of these loads by more than {after:.3g} % of the largest one "
-            f"of its component, beside noise; without any press by no more than {before:.3g} %. Their standard "
-            f"deviation falls from {record['deviation_before_N']:.3g} to {record['deviation_after_N']:.3g} N."
+            "After these presses 95 % of made sensors decode each force of these loads with an error below "
+            f"{after:.3g} % of the largest force along its axis, beside noise; before any press the errors stay "
+            f"below {before:.3g} %. The standard deviation of a decoded force, with noise, falls from "
+            f"{record['deviation_before_N']:.3g} N to {record['deviation_after_N']:.3g} N."
         )
         return [
             f"Loads: {self.range_source}: presses up to {self.needed.force_z:.4g} N{along}.",
