@@ -63,6 +63,14 @@ def test_each_row_has_its_answers_by_all_models(ask):
     assert list(found["solve"]) == [1, 2, 1]
 
 
+def test_a_sideways_stiffness_is_computed_where_it_is_asked_for(ask):
+    columns = {"depth_mm": [0.3, 0.6]}
+    before = ask(columns, ["fem:quick"], quantities=["force"])
+    after = ask(columns, ["fem:quick"], quantities=["force", "sideways_stiffness"])
+    assert ((after["fem_sideways_stiffness_ratio"] > 0.8) & (after["fem_sideways_stiffness_ratio"] < 1)).all()
+    assert (after[["fem_force_N", "status"]] == before[["fem_force_N", "status"]]).all(axis=None)
+
+
 def test_errors_are_relative_to_the_reference_that_is_named(ask):
     columns = {"depth_mm": [0.5, 1.0]}
     found = ask(columns, ["paper", "finite", "surrogate"], reference="finite", quantities=["force"])

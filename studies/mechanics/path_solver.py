@@ -201,6 +201,7 @@ class Task:
     number : number of the path in its study, from 1.
     scene : the missing states as loads, in rising order; their design is that of the path's first case.
     solved : positions of the path that are stored already, from which smaller steps can start.
+    ratios : whether each press gets its sideways stiffness (`fem.equilibrium.trace`), a third of its time.
     """
 
     number: int
@@ -208,15 +209,18 @@ class Task:
     kind: Kind
     solved: tuple[Position, ...] = ()
     motion: PlateMotion = STILL
+    ratios: bool = False
 
 
-def task(number: int, path: Place, positions: Sequence[Position], reached: Sequence[Position] = ()) -> Task:
+def task(
+    number: int, path: Place, positions: Sequence[Position], reached: Sequence[Position] = (), *, ratios: bool = False
+) -> Task:
     """Return the solve of some positions of a path, of which others have been `reached` before."""
     if path.kind != "states":
         return Task(number, path.scene, path.kind, motion=path.motion)
     D, load = path.scene.design.D, path.scene.loads[0]
     scene = replace(path.scene, loads=tuple(_at(load, at, D) for at in positions))
-    return Task(number, scene, path.kind, tuple(reached))
+    return Task(number, scene, path.kind, tuple(reached), ratios=ratios)
 
 
 def _at(load: Load, at: Position, D: float) -> Load:
@@ -235,13 +239,13 @@ def solve_task(task: Task) -> list[State]:
     if task.kind != "states":
         return [_single(task)]
     scene, D = task.scene, task.scene.design.D
-    states = dict(zip(scene.loads, _followed(scene, scene.loads), strict=True))
+    states = dict(zip(scene.loads, _followed(scene, scene.loads, ratios=task.ratios), strict=True))
     failed = [load for load, state in states.items() if state.status == "not_converged"]
     # an axisymmetric press without friction starts from rest, whatever the steps before it
     if failed and (scene.model != "axisymmetric" or scene.coulomb is not None):
         reached = [state.position for state in states.values() if state.outcome == "ok"]
         between = _smaller_steps(failed[0], [*task.solved, *reached], D)
-        again = _followed(scene, [*between, *failed])[len(between) :] if between else []
+        again = _followed(scene, [*between, *failed], ratios=task.ratios)[len(between) :] if between else []
         for load, state in zip(failed, again, strict=False):
             if state.outcome == "ok":
                 message = state.answer["message"] or "reached by smaller steps"
@@ -249,19 +253,21 @@ def solve_task(task: Task) -> list[State]:
     return list(states.values())
 
 
-def _followed(scene: Scene, loads: Sequence[Load]) -> list[State]:
+def _followed(scene: Scene, loads: Sequence[Load], *, ratios: bool) -> list[State]:
     """Follow a path; the loads that it does not reach have the status and message of its end."""
     from fem import equilibrium
 
     try:
-        solutions = list(equilibrium.walk(replace(scene, loads=tuple(loads))))
+        solutions = equilibrium.trace(
+            scene.design, loads, scene.accuracy, magnet=scene.magnet, model=scene.model, ratios=ratios
+        )
         end = solutions[-1].status, solutions[-1].message
     except SolveFailed as error:
         solutions, end = [], ("not_converged", str(error))
     reached = [one for one in solutions if one.status in ANSWERED]
     lost = {"response": None, "error_estimate": None, "message": end[1]}
     return [
-        *(_state(scene, load, one) for load, one in zip(loads, reached, strict=False)),
+        *(_state(scene, load, one, ratios=ratios) for load, one in zip(loads, reached, strict=False)),
         *(_stored(scene, load, "failed", end[0], lost) for load in loads[len(reached) :]),
     ]
 
@@ -285,14 +291,22 @@ def _origin() -> str:
     return versions()
 
 
-def _state(scene: Scene, load: Load, solution: Solution) -> State:
+def lacks_ratio(state: State) -> bool:
+    """Return whether a state of a press was solved without its sideways stiffness, which it may have."""
+    return state.outcome == "ok" and "sideways_stiffness_ratio" not in state.answer["values"]
+
+
+def _state(scene: Scene, load: Load, solution: Solution, *, ratios: bool) -> State:
     estimates, facts = solution.estimates, solution.facts
+    values, ratio = {"largest_strain": facts.largest_strain}, facts.sideways_stiffness_ratio
+    if ratios or ratio is not None or solution.model != "axisymmetric":
+        values |= {"sideways_stiffness_ratio": ratio}
     answer = {
         "response": dataclasses.asdict(solution.response),
         "error_estimate": estimates.force,
         "message": solution.message,
         "estimates": {name: getattr(estimates, name) for name in ESTIMATED},
-        "values": {name: getattr(facts, name) for name in ("largest_strain", "sideways_stiffness_ratio")},
+        "values": values,
     }
     return _stored(scene, load, "ok", solution.status, answer, solution.seconds)
 

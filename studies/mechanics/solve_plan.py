@@ -108,9 +108,14 @@ class Solves:
         for number, (key, wanted) in enumerate(self._wanted(cases).items(), 1):
             states, again = store.states(self.paths[key].content), ("transient",) if processes.retry_failed else ()
             reached = sorted(at for at, state in states.items() if state.outcome == "ok")
-            lacking = {at for at in wanted if at not in states or states[at].outcome in again}
+            ratios = "sideways_stiffness" in plan.quantities and self.paths[key].kind == "states"
+            lacking = {
+                at
+                for at in wanted
+                if at not in states or states[at].outcome in again or (ratios and path_solver.lacks_ratio(states[at]))
+            }
             if lacking:
-                tasks.append(path_solver.task(number, self.paths[key], sorted(lacking), reached))
+                tasks.append(path_solver.task(number, self.paths[key], sorted(lacking), reached, ratios=ratios))
                 keys.append(key)
         self.numbers = {key: number for number, key in enumerate(self.paths, 1)}
         self._keys, self._open, self.count = list(self.paths), set(keys), len(tasks)
