@@ -1,9 +1,10 @@
 """A table of cases in, a table of answers out: `answer`, the one way to ask finite elements, formulas and surrogate.
 
-    from studies import cases
+    import magtip
 
     table = pandas.DataFrame({"L_mm": [8, 10, 12], "depth_mm": 1.0})
-    cases.answer(table, ["fem", "paper"]).plot("L_mm", ["fem_force_N", "analytic_force_N"])
+    answers = magtip.answer(table, ["fem", "paper"])
+    magtip.plot(answers, x="L_mm", y="force_N").save("force.svg")
 
 A row is a sensor and a load; columns are fields of `geometry.design.Design` and of the load with their units in the
 name, the rest is the base design's. Rows that differ only in what the mechanics do not depend on (f, the elements,
@@ -13,6 +14,7 @@ the remanence, E without an imperfection) share a solve, and solved states are k
 
 from __future__ import annotations
 
+import dataclasses
 import decimal
 import math
 import numbers
@@ -23,12 +25,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from fem.accuracy import Accuracy
+from fem.physics_version import ESTIMATES, PHYSICS
 from fem.scene import Model
-from geometry.bad_input import nearest
+from geometry.bad_input import closest
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load, Magnet
 from geometry.messages import Progress
-from studies.inputs import study_input
+from studies.inputs import study_input, user_input
 from studies.inputs.study_input import AXES, Factor, QuantityName
 from studies.mechanics import store as stores
 from studies.mechanics.solve_plan import Processes
@@ -42,8 +45,9 @@ from studies.mechanics.study_cases import (
     model_name,
     models_of,
 )
+from studies.output import console, provenance
 from studies.sweeps import sweep
-from studies.sweeps.sweep_columns import status_columns
+from studies.sweeps.sweep_columns import SweepColumns, status_columns
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -103,7 +107,7 @@ def answer(
     workers: int | None = None,
     scheduler: str | None = None,
     retry_failed: bool = False,
-    progress: Progress | None = None,
+    progress: Progress | bool | None = None,
 ) -> pd.DataFrame:
     """Return the answers of models to a table of cases, a row for each row.
 
@@ -116,7 +120,8 @@ def answer(
         (`L_over_D`, `depth_over_D`). A depth or a grip must be there unless only critical depths, or modes of the
         unloaded sensor, are asked for. A million rows take seconds if they share a few thousand stored problems, some
         seven minutes if the mechanics of all differ. A cell that is no number, or out of its field's bounds, makes
-        its row a bad_input.
+        its row a bad_input. Columns of your own, such as measured forces, are handed on; one whose name is nearly
+        that of a field is refused as a mistake.
     models : names of models: `fem` (accuracy standard), `fem:quick`, `fem:fine`, `fem:half-quick` and so on;
         `tolerance:2%` (for each case the cheapest model that is known to meet it); `surrogate`; levels of the
         formulas: paper, column, tip, magnet, finite; or a `FemModel` with an accuracy and a name of its own.
@@ -132,7 +137,7 @@ def answer(
     store : file that keeps all solved states, a path, or an open store; default: the user's.
     workers, scheduler : number of processes that solve (default: as many as pay), or address of a Dask scheduler;
         with `retry_failed` cases whose process died are solved again.
-    progress : called with the share that is done and a text.
+    progress : True shows a bar on standard error; or a function, called with the share that is done and a text.
 
     Returns
     -------
@@ -140,29 +145,65 @@ def answer(
     radius (mm), readings (mT and V) and so on under the column names of `magtip sweep`, such as `fem_force_N`;
     errors against the reference in %; estimated relative errors (half widths of 90 % intervals for the surrogate);
     of several models a status of each (`fem_status`, `surrogate_status`, `analytic_status`: ok, unstable,
-    not_converged, bad_input, ...); `status` of the row and `message`. What a model cannot answer is NaN. The row's
-    status is that of the finest finite elements, and of critical depths, modes and so on where these are asked for;
-    without finite elements it is ok where any model answers.
+    not_converged, bad_input, ...); `status` of the row and `message`; then columns of your own. What a model cannot
+    answer is NaN. The row's status is that of the finest finite elements, and of critical depths, modes and so on
+    where these are asked for; without finite elements it is ok where any model answers.
+
+    Its `attrs` say what it rests on: `versions` (of magtip, packages, physics and error estimates), `accuracies`
+    (mesh sizes over D of the finite elements, by model) and `columns` (axes, models and the reference).
 
     Raises
     ------
     BadInput
         A column, a model or a quantity is unknown, an argument is of a wrong kind, or no column presses the sensor.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> presses = pd.DataFrame({"D_mm": [8.0, 10.0], "depth_mm": 1.0, "specimen": ["a", "b"]})
+    >>> answers = answer(presses, ["surrogate", "finite"], quantities=["force"])
+    >>> answers[["specimen", "D_mm", "surrogate_force_N", "analytic_force_N", "status"]].round(1)
+      specimen  D_mm  surrogate_force_N  analytic_force_N status
+    0        a   8.0                4.2               4.1     ok
+    1        b  10.0                5.0               4.9     ok
+    >>> answers.attrs["versions"]["physics"] == PHYSICS
+    True
     """
-    _check_kinds(cases, models, base, quantities, reference)
+    _check_kinds(cases, models, base, quantities, reference, progress)
     processes = Processes(workers, scheduler, retry_failed)
     asked = study_input.checked_quantities(tuple(quantities))
-    fields, reasons = _fields(cases, needs_load=study_input.needs_load(asked))
+    is_own = np.array([_axis(str(column)) is None for column in cases.columns], dtype=bool)
+    fields, reasons = _fields(cases.loc[:, ~is_own], needs_load=study_input.needs_load(asked))
     possible = np.flatnonzero(reasons == "")
     factor = Factor(tuple(fields), tuple(values[possible] for values in fields.values()), sampled=True)
     plan = _plan(base or paper(), factor, models, asked, reference)
-    with sweep.store_of(plan, Path(store) if isinstance(store, str) else store) as states:
-        parts = list(sweep.run(plan, None, states, processes=processes, progress=progress)) if len(possible) else []
-    return _joined(fields, parts or [sweep.without_rows(plan)], plan, reasons).set_axis(cases.index)
+    none, own = sweep.without_rows(plan), cases.loc[:, is_own]
+    if twice := [str(name) for name in own if name in none]:
+        raise BadInput(f"the column {twice[0]} has the name of an answer: rename it, or leave it out")
+    with (
+        sweep.store_of(plan, store) as states,
+        console.chosen_progress(progress) as report,
+    ):
+        parts = list(sweep.run(plan, None, states, processes=processes, progress=report)) if len(possible) else []
+    answers = _joined(fields, parts or [none], plan, reasons).set_axis(cases.index)
+    return _with_origin(answers, own, plan)
+
+
+def _with_origin(answers: pd.DataFrame, own: pd.DataFrame, plan: Plan) -> pd.DataFrame:
+    """Return the answers with columns of the user's own, and with what they rest on as attributes."""
+    import pandas as pd
+
+    answers = pd.concat([answers, own], axis=1) if len(own.columns) else answers
+    answers.attrs = {
+        "versions": provenance.packages() | {"physics": dict(PHYSICS), "error estimates": ESTIMATES},
+        "accuracies": {model.name: dataclasses.asdict(model.accuracy) for model in plan.fem if not model.tolerance},
+        "columns": SweepColumns.of_plan(plan).record,
+    }
+    return answers
 
 
 def _fields(cases: pd.DataFrame, *, needs_load: bool) -> tuple[dict[str, Values], Values]:
-    names = [_axis(str(column)) for column in cases.columns]
+    names = [name for column in cases.columns if (name := _axis(str(column)))]
     plain = [study_input.field_of(name) for name in names]
     if twice := [name for name in plain if plain.count(name) > 1]:
         both = [str(column) for column, name in zip(cases.columns, plain, strict=True) if name == twice[0]]
@@ -210,7 +251,9 @@ def _joined(given: Mapping[str, Any], parts: Sequence[Columns], plan: Plan, reas
     return answers
 
 
-def _check_kinds(cases: object, models: object, base: object, quantities: object, reference: object) -> None:
+def _check_kinds(
+    cases: object, models: object, base: object, quantities: object, reference: object, progress: object
+) -> None:
     import pandas as pd
 
     if not isinstance(cases, pd.DataFrame):
@@ -226,14 +269,24 @@ def _check_kinds(cases: object, models: object, base: object, quantities: object
         raise BadInput("no model is given: name some, such as fem and paper")
     if not isinstance(reference, str):
         raise BadInput(f"reference must be the name of a model; got {reference!r:.60}")
+    if not (progress is None or isinstance(progress, bool) or callable(progress)):
+        raise BadInput(f"progress must be True, or a function of a share and a text; got {progress!r:.60}")
 
 
-def _axis(column: str) -> str:
+def _axis(column: str) -> str | None:
+    """Return the field of a column; None for a column of the user's own, whose name is unlike that of any field."""
     known = {study_input.column(name): name for name in AXES}
     if column in known:
         return known[column]
-    remedy = f"did you mean {study_input.column(column)}?" if column in AXES else nearest(column, known)
-    raise BadInput(f"there is no field {column!r} of a design or a load: {remedy}")
+    if column in user_input.FIELDS and column not in AXES:
+        raise BadInput(f"{column} is a text of the design, which no case can change: state it in base")
+    close = study_input.column(column) if column in AXES else closest(column, known)
+    if close:
+        raise BadInput(
+            f"there is no field {column!r} of a design or a load: did you mean {close}, or is it a column of your "
+            "own, which then needs another name?"
+        )
+    return None
 
 
 def _cells(name: str, column: pd.Series) -> tuple[Values, list[str]]:

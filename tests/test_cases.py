@@ -1,13 +1,15 @@
 """A table of cases: one row in, one row out, with the answers of solves and formulas one at a time."""
 
+import json
 import math
 import time
-from dataclasses import replace
+from dataclasses import asdict, replace
 from decimal import Decimal
 
 import numpy as np
 import pandas as pd
 import pytest
+import vl_convert
 from stores import temporary
 
 from analytic import beam
@@ -21,7 +23,7 @@ from geometry.design import BadInput, paper
 from geometry.loads import Load
 from geometry.relaxation import relaxation_of
 from studies import cases
-from studies.inputs.study_input import Factor, grid
+from studies.inputs.study_input import Factor, grid, problem
 from studies.mechanics import surrogate_response
 from studies.mechanics.path_solver import Answer, answer, place
 from studies.mechanics.solve_plan import Processes
@@ -29,6 +31,7 @@ from studies.mechanics.store import State
 from studies.mechanics.study_cases import Cases, FemModel, Plan, Problem, varied
 from studies.mechanics.timed_quantities import PlateMotion
 from studies.sweeps import sweep
+from studies.sweeps.answer_plot import plot
 from studies.sweeps.study_rows import critical_verdict, flat_rows, with_critical
 
 
@@ -109,6 +112,20 @@ def test_each_model_has_its_own_status(ask):
     assert "the surrogate knows" in found["message"].iloc[1]
     found = ask({"depth_mm": [0.5, 0.5], "plate_tilt_deg": [0.0, 5.0]}, ["surrogate", "finite"], quantities=["force"])
     assert list(found["analytic_status"]) == list(found["status"]) == ["ok", "bad_input"]
+
+
+def test_columns_of_ones_own_and_versions_come_with_the_answers(ask, capsys):
+    own = {"measured_N": [4.0, math.nan, 1.0], "specimen": ["a", "b", "c"], 7: [1, 2, 3]}
+    cells = pd.DataFrame({**own, "depth_mm": [1.0, -1.0, 0.5]}, index=[3, 3, 1])
+    found = ask(cells, ["fem:quick", "surrogate"], quantities=["force"], progress=True)
+    pd.testing.assert_frame_equal(found[list(own)], cells[list(own)])
+    assert list(found["status"]) == ["ok", "bad_input", "ok"]
+    assert "of 1 solves" in capsys.readouterr().err
+    assert found.attrs["versions"]["physics"] == PHYSICS
+    assert found.attrs["accuracies"]["quick"] == asdict(QUICK)
+    assert found.attrs["columns"]["models"] == {"surrogate": "surrogate_", "quick": "fem_"}
+    # as Parquet keeps them
+    assert json.loads(json.dumps(found.attrs)) == found.attrs
 
 
 def test_formulas_alone_open_no_store(ask, tmp_path):
@@ -236,10 +253,82 @@ def test_the_tolerance_chooses_for_each_row(ask):
     assert found["chosen_force_N"].notna().all()
 
 
+def test_a_plot_has_units_bars_and_a_mark_for_each_answer(ask, tmp_path):
+    columns = {"depth_mm": [0.5, 1.0, 2.9], "shear_mm": 0.8, "E_MPa": [1.0, 2.0, 1.0], "measured_N": [0.4, 1.1, 0.3]}
+    found = ask(columns, ["surrogate", "finite"], quantities=["force", "shift"])
+    chart = plot(found, x="depth_mm", y="force_x_N")
+    drawn = chart.to_dict()
+    assert vl_convert.vegalite_to_vega(drawn)
+    titles = {
+        way: {
+            layer["encoding"][way]["title"] for layer in drawn["layer"] if "title" in layer["encoding"].get(way, {})
+        }
+        for way in "xy"
+    }
+    assert titles == {"x": {"depth (mm)"}, "y": {"force along the shear (N)"}}
+    data = chart.data.set_index(["series", "depth (mm)"])
+    assert data.loc["surrogate", "failed"].tolist() == [False, False, True]
+    # relative to the force along the shear, not to the press force; formulas state no error
+    half = found["surrogate_force_x_N"] * found["sideways_error_estimate"]
+    bars = data["high"] - data["force along the shear (N)"]
+    assert bars["surrogate"].to_numpy() == pytest.approx(half.to_numpy(), nan_ok=True)
+    assert bars["formula, level finite"].isna().all()
+    shift = plot(found, x="depth_mm", y="surrogate_shift_z_mm", color="E_MPa").data
+    size = np.hypot(found["surrogate_shift_z_mm"], found["surrogate_shift_x_mm"]) * found["shift_error_estimate"]
+    assert sorted((shift["high"] - shift["low"]).dropna() / 2) == pytest.approx(sorted(size.dropna()))
+    assert set(shift["series"]) == {"E = 1 MPa", "E = 2 MPa"}
+    # a file of the table has lost what belongs to which model, but for the names of the columns
+    found.to_csv(tmp_path / "answers.csv")
+    read = plot(pd.read_csv(tmp_path / "answers.csv"), "depth_mm", ["surrogate_force_x_N", "measured_N"]).data
+    assert set(read["series"]) == {"surrogate", "measured"}
+
+
+@pytest.mark.parametrize(
+    ("axes", "reason"),
+    [
+        ({"x": "depth", "y": "force_N"}, "x must be a column of the answers; got 'depth': did you mean depth_mm"),
+        ({"x": "depth_mm", "y": "force"}, "the answers have no 'force': did you mean force_N"),
+        ({"x": "depth_mm", "y": ["force_N", "shift_z_mm"]}, "force_N and shift_z_mm have other units"),
+        ({"x": "depth_mm", "y": "force_N", "color": "depth_mm"}, "depth_mm has 8 values, and 7 colours can be told"),
+        ({"x": "depth_mm", "y": 1.0}, "y must be the name of a column, or a list of names; got .1.0."),
+        ({"x": "depth_mm", "y": "lost_N"}, "no row has an answer for lost_N: see the columns status and message"),
+    ],
+)
+def test_what_cannot_be_plotted_is_refused(ask, axes, reason):
+    found = ask({"depth_mm": np.linspace(0.1, 0.8, 8), "lost_N": math.nan}, quantities=["force", "shift"])
+    with pytest.raises(BadInput, match=reason):
+        plot(found, **axes)
+
+
+@pytest.mark.parametrize(
+    ("names", "ranges", "reason"),
+    [
+        ([], {}, "no field is given"),
+        (["depth"], {}, r"depth has no bounds of its own: give a range, such as depth=\(1, 2\)"),
+        (["nu"], {"nu": (0.4, 0.5)}, "nu is given twice"),
+        ([], {"D": (10, 6)}, r"the range of D must be \[low, high\] with low < high"),
+        ([], {"D": 8}, r"the range of D must be \[low, high\]; got 8"),
+        ([], {"law": ("yeoh", "ogden")}, "law has names, not numbers"),
+        ([], {"d": (6, 10)}, "there is no axis 'd': did you mean D"),
+    ],
+)
+def test_a_problem_of_samples_is_refused(names, ranges, reason):
+    with pytest.raises(BadInput, match=reason):
+        problem(*names, **ranges)
+
+
 @pytest.mark.parametrize(
     ("columns", "options", "reason"),
     [
-        ({"depht_mm": [1]}, {}, "there is no field 'depht_mm' .* did you mean depth_mm"),
+        (
+            {"depht_mm": [1]},
+            {},
+            "there is no field 'depht_mm' .* did you mean depth_mm, or is it a column of your own",
+        ),
+        ({"depth_mm": [1], "D": [8]}, {}, "there is no field 'D' .* did you mean D_mm"),
+        ({"depth_mm": [1], "silicone": ["Ecoflex"]}, {}, "silicone is a text of the design, .* state it in base"),
+        ({"depth_mm": [1], "analytic_force_N": [1]}, {}, "the column analytic_force_N has the name of an answer"),
+        ({"depth_mm": [1]}, {"progress": 1}, "progress must be True, or a function .* got 1"),
         ({"L_mm": [10]}, {}, "neither depth_mm nor grip_mm"),
         ({"L_over_D": [1], "L_mm": [9], "depth_mm": [1]}, {}, "L is given twice, as columns L_over_D and L_mm"),
         ({"depth_mm": [1]}, {"models": "paper"}, r"models must be a list of names, such as \['paper'\]; got 'paper'"),

@@ -70,6 +70,10 @@ BAD = [
     ("validate verify --quick --out ''", "--out is empty: give it a value, or leave it out"),
     ("verify --quick", "verify is a study of validation: type magtip validate verify"),
     ("--depth 1", "Available commands: design, cad, mesh, cache"),
+    (
+        "sweep --axis D=6,8 --depth 1 --workers 1 --scheduler x",
+        "--workers is for processes on this machine and --scheduler for a cluster: give one of them",
+    ),
 ]
 
 
@@ -133,6 +137,12 @@ def loaded_by(*tokens):
 def test_help_imports_little():
     slow = {"numpy", "scipy", "skfem", "numba", "pygments", "difflib", "studies.simulation", "studies.sensing"}
     assert not loaded_by("--help") & (HEAVY | slow)
+
+
+def test_the_interface_from_python_imports_little():
+    code = "import magtip; magtip.paper(); import sys; print(*sys.modules)"
+    shown = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True, text=True, cwd=ROOT).stdout
+    assert not {"numpy", "numba", "asyncio", "difflib", "studies", "fem"} & set(shown.split())
 
 
 def test_a_press_imports_what_it_needs():

@@ -11,6 +11,7 @@ import pandas as pd
 import pytest
 
 import fem
+import magtip
 from fem.accuracy import QUICK
 from fem.equilibrium import solve
 from geometry.design import BadInput, Design, paper
@@ -23,6 +24,7 @@ ALLOWED = {
     "fem": {"fem", "geometry"},
     "analytic": {"analytic", "geometry"},
     "studies": {"studies", "fem", "analytic", "geometry"},
+    "magtip": {"magtip", "studies", "fem", "analytic", "geometry"},
 }
 SLOW = "build123d OCP pyvista vtkmodules pandas matplotlib altair vl_convert pydantic trimesh pytetwild lib3mf meshio"
 HEAVY = {*SLOW.split(), "SALib", "jinja2", "markdown_it", "sklearn"}
@@ -100,7 +102,7 @@ def circles(graph):
 
 @cache
 def import_graph():
-    """What each module of the four packages imports of them."""
+    """What each module of the packages imports of them."""
     names = {module_name(path): path for path in FILES}
     return {name: imported_modules(tree_of(path), set(names)) for name, path in names.items()}
 
@@ -127,7 +129,9 @@ def test_imports_run_one_way():
     wrong = {}
     for path in FILES:
         ours = {package for node in imports(tree_of(path)) for package in top(node)} & set(ALLOWED)
-        wrong[name(path)] = ours - ALLOWED[path.relative_to(ROOT).parts[0]]
+        # the examples are programs of users, above all packages
+        package = "magtip" if path.parent.name == "examples" else path.relative_to(ROOT).parts[0]
+        wrong[name(path)] = ours - ALLOWED[package]
     assert {path: packages for path, packages in wrong.items() if packages} == {}
 
 
@@ -198,8 +202,9 @@ def test_module_names_are_unique():
 
 
 def test_each_folder_of_modules_is_a_package():
-    """Else doctests in it are not collected, and a wheel may leave it out."""
+    """Else doctests in it are not collected, and a wheel may leave it out; its annotations hold for users, too."""
     assert not [name(path) for path in FILES if not (path.parent / "__init__.py").exists()]
+    assert not [package for package in ALLOWED if not (ROOT / package / "py.typed").exists()]
 
 
 def test_no_machine_paths():
@@ -211,7 +216,7 @@ def test_no_machine_paths():
 
 
 ANALYSES = ("force_targets", "stability", "small_shear", "modes", "vibration", "timed_path")
-MODULES = ["geometry.design", "geometry.loads", "fem.accuracy", "fem.equilibrium"]
+MODULES = ["magtip", "geometry.design", "geometry.loads", "fem.accuracy", "fem.equilibrium"]
 MODULES += [f"fem.analyses.{name}" for name in ANALYSES]
 MODULES += [f"analytic.{name}" for name in ("beam", "magnet", "hall", "parts", "stream")]
 
@@ -250,6 +255,11 @@ def test_exported_names_exist_and_have_help(name):
             BadInput,
             "models must be a list of names, such as ['fem']; got 'fem'",
         ),
+        (
+            lambda: answer(pd.DataFrame({"depth_mm": [1.0]}), workers=-1),
+            BadInput,
+            "`workers` must be a whole number from 0 to 1024; got -1",
+        ),
         (lambda: solve(paper(), Load(1.0), QUICK, magnet="none"), BadInput, "magnet must be rigid or ignored; got"),
         (lambda: solve(paper(), 1.0), TypeError, "the load must be a Load, such as Load(depth=1.0); got 1.0"),
         (lambda: solve("paper", Load(1.0)), TypeError, "the design must be a Design, such as paper(); got 'paper'"),
@@ -272,16 +282,49 @@ def test_what_a_user_writes_first_is_taken():
     assert short.response == whole.response
 
 
-@pytest.mark.parametrize("package", ["fem", "geometry", "analytic"])
-def test_messages_below_studies_name_no_option_of_the_command_line(package):
-    with pytest.raises(BadInput) as raised:
-        solve(Design(magnet_diameter=0.0, magnet_height=0.0), Load(1.0), QUICK)
-    assert str(raised.value) == "this design has no magnet (magnet_diameter is 0): choose the magnet ignored"
-    for file in Path(package).rglob("*.py"):
-        for node in ast.walk(ast.parse(file.read_text("utf-8"))):
-            for message in ast.walk(node) if isinstance(node, ast.Raise) else ():
-                if isinstance(message, ast.Constant) and isinstance(message.value, str):
-                    assert not re.search(r"--[a-z]", message.value), file
+def test_the_public_interface_names_what_a_type_checker_sees():
+    seen = {}
+    for node in next(node for node in tree_of(ROOT / "magtip/__init__.py").body if isinstance(node, ast.If)).body:
+        seen |= {alias.name: node.module for alias in node.names}
+    assert seen == magtip.LATER
+    assert set(seen) < set(magtip.__all__) <= set(dir(magtip))
+    with pytest.raises(AttributeError, match="module 'magtip' has no attribute 'anwser'"):
+        magtip.anwser  # noqa: B018
+
+
+# beneath `magtip.answer`, `plot`, `problem` and `size`; other modules of studies serve the command line only
+FROM_PYTHON = [path for path in FILES if path.relative_to(ROOT).parts[0] in ("fem", "geometry", "analytic", "magtip")]
+FROM_PYTHON += [path for path in FILES if path.parent.name == "sizing"]
+FROM_PYTHON += [
+    ROOT / "studies" / f"{name}.py"
+    for name in (
+        *("cases", "sweeps/answer_plot", "sweeps/sweep_columns", "sweeps/study_rows"),
+        *(
+            "parts/catalogues",
+            "parts/requirements",
+            "mechanics/solve_plan",
+            "mechanics/store",
+            "mechanics/study_cases",
+        ),
+        *("mechanics/model_choice", "mechanics/timed_quantities", "mechanics/workers", "mechanics/worker_process"),
+    )
+]
+
+
+@pytest.mark.parametrize("path", FROM_PYTHON, ids=name)
+def test_messages_to_python_name_no_option_of_the_command_line(path):
+    """A message says `workers`, which the command line shows as --workers."""
+    for node in ast.walk(tree_of(path)):
+        # constants that hold a part of several messages, too
+        for message in ast.walk(node) if isinstance(node, ast.Raise) or is_constant(node) else ():
+            if isinstance(message, ast.Constant) and isinstance(message.value, str):
+                assert not re.search(r"--[a-z]", message.value)
+
+
+def is_constant(node):
+    return isinstance(node, ast.Assign) and all(
+        isinstance(one, ast.Name) and one.id.isupper() for one in node.targets
+    )
 
 
 # Deferred modules: there for whoever uses them.
@@ -307,7 +350,7 @@ def of_itself(node):
 
 
 def test_physics_touches_neither_private_names_nor_collector_nor_environment():
-    physics = [path for path in FILES if path.relative_to(ROOT).parts[0] != "studies"]
+    physics = [path for path in FILES if path.relative_to(ROOT).parts[0] in ("geometry", "fem", "analytic")]
     found = {name(path): sorted(set(touched(tree_of(path)))) for path in physics}
     # the number of threads that the user allows is read
     assert {path: names for path, names in found.items() if names} == {"geometry/compiled.py": ["environ"]}

@@ -464,7 +464,7 @@ def test_models_are_ordered_from_coarse_to_fine():
         (asked(["depth=1"], accuracy="quick", models="standard"), ["models and accuracy both choose"]),
         (asked(["depth=1"], models="standrad"), ["there is no model 'standrad': did you mean standard?"]),
         (asked(["depth=1"], tolerance="1%", accuracy="quick"), ["a tolerance chooses the accuracy"]),
-        (asked(["depth=1"], tolerance="200%"), ["--tolerance must be a percentage", "'200%'"]),
+        (asked(["depth=1"], tolerance="200%"), ["the tolerance must be a percentage", "'200%'"]),
         (asked(["depth=1"], models="paper", quantities="modes"), ["quantity modes needs finite elements"]),
         (asked(["depth=1"], quantities="cycle"), ["quantity cycle needs the rate"]),
         (asked(["depth=1"], load=["frequency=2"]), ["frequency has no effect", "response"]),

@@ -165,6 +165,19 @@ def _unused(error: UnusedCliTokensError) -> str:
     return f"{' '.join(chain) or 'magtip'} takes {taken}: leave out {surplus}, or quote a value that has spaces"
 
 
+ARGUMENT = re.compile(r"`([a-z]+(?:_[a-z]+)*)`")
+"""A name in backticks in a message: an argument for callers from Python, which is an option here."""
+
+
+def as_options(message: str) -> str:
+    """Return a message for the command line.
+
+    >>> as_options("name another file by `store`, or leave `retry_failed` out: `magtip store check` says why")
+    'name another file by --store, or leave --retry-failed out: `magtip store check` says why'
+    """
+    return ARGUMENT.sub(lambda found: f"--{found[1].replace('_', '-')}", message)
+
+
 REMEDIES: dict[type[Exception], Callable[[Any], str]] = {
     UnknownOptionError: _unknown,
     MissingArgumentError: _missing,
@@ -207,7 +220,7 @@ def run(tokens: list[str] | None = None) -> int:
             sys.stdout.flush()
     except (BadInput, CycloptsError) as error:
         sentence = REMEDIES.get(type(error), lambda error: _moved(words) or str(error))(error)
-        console.say(f"magtip: {sentence}")
+        console.say(f"magtip: {as_options(sentence)}")
         return FAILED if isinstance(error, OutOfReach) else BAD
     except SolveFailed as error:
         console.say(f"magtip: {error}")

@@ -199,21 +199,15 @@ Wanted = Annotated[
         "silicones, seed, version, [weights]; --example prints a file with all of them.",
     ),
 ]
-MOST = 4096
-"""Largest population, number of generations, and number of solved points; more are taken for a mistake."""
 
 
-def _settings(options: Sizing, seed: int) -> Settings:
+def _settings(options: Sizing) -> Settings:
     from fem.accuracy import LEVELS
     from studies.mechanics.solve_plan import Processes
     from studies.sizing import sizing_study
     from studies.sizing.variant_search import Effort
 
-    for name, least in (("population", 8), ("generations", 1), ("points", 1), ("sensors", 1)):
-        value, most = getattr(options, name), 100_000 if name == "sensors" else MOST
-        if not least <= value <= most:
-            raise BadInput(f"--{name} must lie between {least} and {most}; got {value}")
-    effort, level = Effort(options.population, options.generations, seed), LEVELS[options.accuracy]
+    effort, level = Effort(options.population, options.generations), LEVELS[options.accuracy]
     made = None
     if options.calibration is not None:
         from studies.calibration import calibration_file
@@ -262,14 +256,14 @@ def size(
         raise BadInput("size needs --out FOLDER: add it behind the file of requirements")
     here = call.here(sizing_study.FILES)
     requirements = read_requirements(source)
-    settings = _settings(options, requirements.seed)
+    settings = _settings(options)
     for warning in requirements.warnings():
         console.warn(warning)
     check_files(here)
     atomic_files.check_apart([options.store], [source, options.calibration])
     sizing_export.check_parts(out)
     with atomic_files.filled(out, here.names) as folder, console.progress(as_json=call.as_json) as progress:
-        sizing = sizing_study.run(requirements, settings, progress)
+        sizing = sizing_study.size(requirements, settings, progress=progress)
         # parts of earlier requirements must not stand beside a new result
         sizing_export.remove(folder)
         origin = versions(())

@@ -7,17 +7,16 @@ is short: it has one magnet, one silicone and few candidates. A full one, with t
 
 from dataclasses import replace
 
+import magtip
 from fem.accuracy import QUICK
 from fem.analyses.force_targets import solve_force
-from studies.mechanics.solve_plan import Processes
-from studies.parts.requirements import Requirements
-from studies.sizing.sizing_study import Settings, run
+from studies.sizing.sizing_study import Settings
 from studies.sizing.variant_search import Effort
 
 
 def main() -> tuple[float, float]:
-    needed = Requirements(force_z=5.0, largest_strain=1.0, magnets=("5x3 N45",), silicones=("Smooth-Sil 940",))
-    sizing = run(needed, Settings(Effort(16, 8), QUICK, Processes(0), None, 1, 20), lambda *_: None)
+    needed = magtip.Requirements(force_z=5.0, largest_strain=1.0, magnets=("5x3 N45",), silicones=("Smooth-Sil 940",))
+    sizing = magtip.size(needed, Settings(Effort(16, 8), QUICK, points=1, sensors=20))
     (best,), design = sizing.front, sizing.front[0].variant.design
     print(f"D {design.D:g} mm, L {design.L:g} mm, Hall part {best.variant.hall_part.name}: {best.status}")
     state = solve_force(replace(design, E=best.variant.silicone.E_low), 5.0, QUICK)

@@ -340,6 +340,61 @@ def grid(axes: Mapping[str, Sequence[Value]]) -> tuple[Factor, ...]:
     return tuple(Factor((name,), (tuple(values),)) for name, values in axes.items())
 
 
+def problem(*names: str, **ranges: Sequence[float]) -> dict[str, Any]:
+    """Return fields and their bounds in the form of SALib, for samples that `studies.cases.answer` takes as a table.
+
+    Parameters
+    ----------
+    names : fields of design and load, such as `nu`, that reach over all their values.
+    ranges : fields with their lowest and highest value in mm, MPa, T, V, Hz or degrees, such as `D=(6, 10)`. A name
+        is that of an axis of `magtip sweep` or of a column: `L=(8, 12)`, `L_mm=(8, 12)`, `L_over_D=(1, 2)`.
+
+    Returns
+    -------
+    dict
+        `num_vars`; `names`, which are columns with their units; and `bounds`, [low, high] of each.
+
+    Raises
+    ------
+    BadInput
+        A field is unknown, given twice, no number, or has no finite bounds of its own.
+
+    Examples
+    --------
+    >>> problem("nu", D=(6, 10), depth=(0.5, 1.0))["names"]
+    ['nu', 'D_mm', 'depth_mm']
+
+    With the samplers and methods of SALib:
+
+    >>> import numpy as np
+    >>> import pandas as pd
+    >>> from SALib.analyze import sobol as indices
+    >>> from SALib.sample import sobol
+    >>> from studies.cases import answer
+    >>> asked = problem(L=(8, 12), E=(0.5, 1.0), f=(4.5, 5.5))
+    >>> points = pd.DataFrame(sobol.sample(asked, 64, seed=0), columns=asked["names"]).assign(depth_mm=0.8)
+    >>> force = answer(points, ["surrogate"], quantities=["force"])["surrogate_force_N"].to_numpy()
+    >>> found = indices.analyze(asked, force, seed=np.random.default_rng(0))
+    >>> found["ST"].round(1).tolist()
+    [0.3, 0.7, 0.0]
+    """
+    columns = {column(name): name for name in AXES}
+    bounds: dict[str, list[float]] = {}
+    for name, ends in [*((name, None) for name in names), *ranges.items()]:
+        axis = columns.get(name, name)
+        check_name(axis)
+        if column(axis) in bounds:
+            raise BadInput(f"problem: {axis} is given twice: leave one of them out")
+        field = AXES[axis]
+        if ends is None and field.is_number and not math.isfinite(field.high - field.low):
+            raise BadInput(f"problem: {axis} has no bounds of its own: give a range, such as {axis}=(1, 2)")
+        given = [field.low, field.high] if ends is None else list(ends) if isinstance(ends, Sequence) else ends
+        bounds[column(axis)] = list(_range("problem", axis, given))
+    if not bounds:
+        raise BadInput("problem: no field is given: name some, such as D=(6, 10)")
+    return {"num_vars": len(bounds), "names": list(bounds), "bounds": list(bounds.values())}
+
+
 def is_study(source: str) -> bool:
     """Return whether a sweep's positional argument names a study, which is a file with axes, or else a design."""
     keys = set(user_input.toml_table(source, "preset or file"))

@@ -66,7 +66,7 @@ def parse_tolerance(text: str) -> float:
         value = math.nan
     if rest or not 0 < value < 1:
         raise BadInput(
-            "--tolerance must be a percentage above 0% and below 100%, such as 1%, or a fraction such as 0.01; got "
+            "the tolerance must be a percentage above 0% and below 100%, such as 1%, or a fraction such as 0.01; got "
             f"{text!r}"
         )
     return value

@@ -217,7 +217,7 @@ def choose(
         old = f", and those of {', '.join(outdated())} are of another version" if outdated() else ""
         raise BadInput(
             f"the study of errors has no run of model {choose_model(loads, 'auto')} for {kind_of(loads)}{old}: "
-            "choose --accuracy instead of a tolerance"
+            "choose an accuracy instead of a tolerance"
         )
     best = min(choices, key=lambda choice: choice.bound)
     raise BadInput(

@@ -50,10 +50,10 @@ class Processes:
     def __post_init__(self) -> None:
         if self.workers is not None and self.scheduler is not None:
             raise BadInput(
-                "--workers is for processes on this machine and --scheduler for a cluster: give one of them"
+                "`workers` is for processes on this machine and `scheduler` for a cluster: give one of them"
             )
         if self.workers is not None and not 0 <= self.workers <= MOST_WORKERS:
-            raise BadInput(f"--workers must be a whole number from 0 to {MOST_WORKERS}; got {self.workers}")
+            raise BadInput(f"`workers` must be a whole number from 0 to {MOST_WORKERS}; got {self.workers}")
 
 
 @dataclass(frozen=True, slots=True)

@@ -59,7 +59,7 @@ TABLES = (
     "CREATE INDEX state_listing ON state (added, outcome, status, seconds)",
 )
 """Statements that make the tables of an empty file."""
-OTHER = "name another file by --store"
+OTHER = "name another file by `store`"
 """The remedy that always helps."""
 READ_ONLY = "is read-only: make the file and its folder writable, or " + OTHER
 Outcome = Literal["ok", "failed", "transient"]
@@ -236,10 +236,10 @@ def default() -> Path:
 
 
 @contextlib.contextmanager
-def opened(file: Path) -> Iterator[Store]:
+def opened(file: Path | str) -> Iterator[Store]:
     """Open a store; a file that does not exist is made."""
-    with writable(file) as connection:
-        yield Store(file, connection)
+    with writable(Path(file)) as connection:
+        yield Store(Path(file), connection)
 
 
 # The file

@@ -69,7 +69,7 @@ def check_motion(names: Collection[str], quantities: Collection[str]) -> None:
         raise BadInput("speed has no effect on these quantities: add the quantity cycle")
     if "cycle" in quantities and not {"frequency", "speed"} & set(names):
         raise BadInput(
-            "quantity cycle needs the rate of the motion: add --load speed=1 in mm/s or --load frequency=2 in Hz"
+            "quantity cycle needs the rate of the motion: add a speed (mm/s) or a frequency (Hz) to the load"
         )
 
 

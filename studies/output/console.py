@@ -288,6 +288,16 @@ def progress(*, as_json: bool) -> Iterator[Progress]:
         yield _rising(lambda share, text: bar.update(task, completed=share, description=text), each=True)
 
 
+@contextlib.contextmanager
+def chosen_progress(wanted: Progress | bool | None) -> Iterator[Progress | None]:
+    """Yield the callback that a caller from Python wants: the bar of `progress` for True, else their own or none."""
+    if wanted is True:
+        with progress(as_json=False) as bar:
+            yield bar
+    else:
+        yield wanted or None
+
+
 def _rising(show: Progress, *, each: bool) -> Progress:
     """Return a callback that shows the largest fraction so far, at each call or with each new text only."""
     largest, last = 0.0, ""

@@ -142,6 +142,7 @@ class Look:
     ordered : whether a line follows the order of the table, as a loop does, and not that of x.
     dashed : whether each series has dashes, too, so that lines that lie on each other stay visible.
     span : ends of the axis y, at which values beyond them stand; None for the range of the values.
+    bars : whether intervals are bars where lines join the points, too.
     names : all series, or models if there are any, in the order of their colours and markers; those that are absent
         from the table leave theirs to no other. Empty for those of the table.
     """
@@ -155,6 +156,7 @@ class Look:
     ordered: bool = False
     dashed: bool = False
     span: tuple[float, float] | None = None
+    bars: bool = False
     names: tuple[str, ...] = ()
 
 
@@ -219,7 +221,6 @@ def save(path: str | Path, figures: Sequence[Figure], *, notes: Sequence[str] = 
     from PIL import Image
 
     said = [*notes, *(note for figure in figures for note in figure.notes)]
-    lines = [line for note in dict.fromkeys(said) for line in textwrap.wrap(note, 105)]
     apart: Any = dict.fromkeys(("color", "shape", "strokeDash"), "independent")
     blocks = [
         alt.concat(*(one.half().properties(title=one.title) for one in block if one.half), columns=2)
@@ -230,15 +231,20 @@ def save(path: str | Path, figures: Sequence[Figure], *, notes: Sequence[str] = 
         for block in _blocks(figures)
     ]
     sheet = alt.vconcat(*blocks).resolve_scale(**apart)
-    if lines:
-        foot = alt.TitleParams(
-            text=lines, orient="bottom", fontSize=11, fontWeight="normal", color="#555555", offset=14
-        )
-        sheet = sheet.properties(title=foot)
+    if said:
+        sheet = sheet.properties(title=foot(said))
     picture = vl_convert.vegalite_to_png({**_spec(sheet), "config": THEME}, scale=SCALE)
     with atomic(path) as temporary:
         # without transparency, and packed better, it has a quarter of the bytes
         Image.open(io.BytesIO(picture)).convert("RGB").save(temporary, "PNG")
+
+
+def foot(notes: Sequence[str]) -> Any:
+    """Return sentences at the foot of a chart, in place of its title, each once."""
+    import altair as alt
+
+    lines = [line for note in dict.fromkeys(notes) for line in textwrap.wrap(note, 105)]
+    return alt.TitleParams(text=lines, orient="bottom", fontSize=11, fontWeight="normal", color="#555555", offset=14)
 
 
 def _blocks(figures: Sequence[Figure]) -> list[list[Figure]]:
@@ -442,7 +448,7 @@ def _marks(base: Any, data: pd.DataFrame, place: Place, look: Look) -> list[Any]
     if "low" in data and look.across:
         layers.append(drawn.mark_rule().encode(x=alt.X("low:Q", title=wrapped(x, place.width)), x2="high", **colour))
     elif "low" in data:
-        interval = drawn.mark_area(opacity=0.18) if look.line else drawn.mark_rule()
+        interval = drawn.mark_area(opacity=0.18) if look.line and not look.bars else drawn.mark_rule()
         layers.append(interval.encode(y=alt.Y("low:Q", title=wrapped(y, place.height)), y2="high", **colour))
     if look.line:
         line = drawn.transform_filter("datum.joined") if "joined" in data else drawn

@@ -5,6 +5,7 @@ Pages of results say the same in a sentence (`made`); a folder of tables has onl
 
 from __future__ import annotations
 
+import functools
 import platform
 import subprocess
 import tomllib
@@ -88,16 +89,21 @@ ROOT = Path(__file__).resolve().parents[2]
 OWN = "magtip"
 PACKAGES = ("numpy", "scipy", "scikit-fem", "pytetwild")
 """Packages on which the results of finite elements depend."""
-SOURCE = ("geometry", "fem", "analytic", "studies", "pyproject.toml", "constraints.txt")
+SOURCE = ("geometry", "fem", "analytic", "studies", "magtip", "pyproject.toml", "constraints.txt")
 """Files that determine results; changes in other files, such as earlier results, do not make a commit dirty."""
 
 
 def versions(more: Sequence[str] = ()) -> str:
     """State the versions of Python, magtip, `PACKAGES` and `more` packages that are installed, and the commit."""
-    numbers = [(name, installed(name)) for name in (OWN, *PACKAGES, *more)]
-    named = ", ".join(f"{name} {number}" for name, number in numbers if number)
+    named = ", ".join(f"{name} {number}" for name, number in packages(more).items())
     at = commit()
     return f"on Python {platform.python_version()} with {named}{f' at commit {at}' if at else ''}"
+
+
+def packages(more: Sequence[str] = ()) -> dict[str, str]:
+    """Return the versions of magtip, `PACKAGES` and `more` packages, those that are installed."""
+    numbers = {name: installed(name) for name in (OWN, *PACKAGES, *more)}
+    return {name: number for name, number in numbers.items() if number}
 
 
 def made(command: str, origin: str) -> str:
@@ -124,6 +130,7 @@ def origin_in(page: str) -> str:
     return " ".join(last.split()) if last.startswith(("Made with `", "Made on Python ")) else ""
 
 
+@functools.cache
 def installed(name: str) -> str | None:
     """Return the version of a package, None if it is not installed."""
     try:

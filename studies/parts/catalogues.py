@@ -609,8 +609,8 @@ def _in_use(kind: str, parts: Mapping[str, Part], requirements: Requirements) ->
     names = getattr(requirements, kind) or tuple(parts)
     if not parts:
         raise BadInput(
-            f"the catalogue of {kind} is empty: add {kind} to `shipped`, or tables [[{kind.removesuffix('s')}]] to a "
-            "file of `catalogues`"
+            f"the catalogue of {kind} is empty: add {kind} to shipped, or tables [[{kind.removesuffix('s')}]] to a "
+            "file of catalogues"
         )
     for name in names:
         if name not in parts:

@@ -10,14 +10,14 @@ import dataclasses
 import math
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fem.accuracy import Accuracy
+from fem.accuracy import STANDARD, Accuracy
 from fem.scene import Model
-from geometry.design import Design
+from geometry.design import BadInput, Design
 from geometry.loads import Load
 from geometry.messages import Progress
 from studies.calibration.sensor_fit import Fit
@@ -25,7 +25,7 @@ from studies.cases import FiniteElements
 from studies.mechanics import store as stores
 from studies.mechanics.solve_plan import Processes
 from studies.mechanics.workers import clock_text
-from studies.output import page_templates
+from studies.output import console, page_templates
 from studies.output.atomic_files import write_json
 from studies.output.figures import picture
 from studies.output.records import FlatRow
@@ -74,6 +74,9 @@ OF_QUANTITIES = {
 """Stages by the first quantity and the model of which they ask finite elements."""
 WORST_CALLS, BASIS = 6, 0.1
 """Calls of the worst loads, and share of the costs from which on they tell the time left."""
+MOST, MOST_SENSORS = 4096, 100_000
+"""Largest population, number of generations, and number of solved points, and largest number of made sensors; more
+are taken for a mistake."""
 ALTERNATIVES = 3
 """Number of other variants that are shown beside the best one."""
 OBJECTIVES = {
@@ -92,17 +95,32 @@ class Settings:
 
     Attributes
     ----------
+    effort : candidates of a generation, and generations; the seed is that of the requirements.
+    accuracy : of the finite elements.
+    processes : what solves: by default as many processes of this machine as pay.
+    store : file of solved states; default: the user's.
     points, sensors : largest number of points of the front that are solved, and made sensors of the yield.
     calibration : of a made sensor; its posterior counts in the yield if the best variant is its design.
     """
 
-    effort: Effort
-    accuracy: Accuracy
-    processes: Processes
-    store: Path | None
-    points: int
-    sensors: int
+    effort: Effort = field(default_factory=Effort)
+    accuracy: Accuracy = STANDARD
+    processes: Processes = field(default_factory=Processes)
+    store: Path | str | None = None
+    points: int = 12
+    sensors: int = 1000
     calibration: Fit | None = None
+
+    def __post_init__(self) -> None:
+        effort = self.effort
+        for name, value, least, most in (
+            ("population", effort.population, 8, MOST),
+            ("generations", effort.generations, 1, MOST),
+            ("points", self.points, 1, MOST),
+            ("sensors", self.sensors, 1, MOST_SENSORS),
+        ):
+            if not least <= value <= most:
+                raise BadInput(f"`{name}` must lie between {least} and {most}; got {value}")
 
     def calibration_of(self, design: Design) -> Fit | None:
         """Return the calibration if it is one of this design."""
@@ -168,8 +186,44 @@ def _unlike(one: FrontPoint, other: FrontPoint) -> int:
     return int(8 * kinds + 2 * sum(names) + (a.magnet.name.split()[0] != b.magnet.name.split()[0]))
 
 
-def run(requirements: Requirements, settings: Settings, progress: Progress) -> Sizing:
-    """Search for variants, solve the front by finite elements, and return the result."""
+def size(
+    requirements: Requirements, settings: Settings = Settings(), *, progress: Progress | bool | None = None
+) -> Sizing:
+    """Find the variants that meet requirements: search, then proof by finite elements, as `magtip size` does.
+
+    Parameters
+    ----------
+    requirements : what the sensor must reach (N, mm, Hz, V), and which catalogues, parts and process it may have.
+    settings : how long to search, and how the front is solved.
+    progress : True shows a bar on standard error; or a function, called with the share that is done and a text.
+
+    Returns
+    -------
+    Sizing
+        `winner`, the best point that finite elements confirm, or None and a `message` that says why; its parts and
+        its design are `winner.variant`. `front` has all points that were solved.
+
+    Raises
+    ------
+    BadInput
+        A requirement is out of range, names no part of the catalogues, or contradicts another one.
+
+    Examples
+    --------
+    `studies/examples/size_variant.py` sizes a sensor and presses it. A wish that cannot be is refused at once:
+
+    >>> size(Requirements(force_z=5.0, magnets=("5x3 N99",)))
+    Traceback (most recent call last):
+    geometry.bad_input.BadInput: magnets: the catalogues have no '5x3 N99': did you mean 5x3 N52?
+    """
+    if not isinstance(requirements, Requirements):
+        raise BadInput(f"size takes Requirements, such as Requirements(force_z=5.0); got {requirements!r:.60}")
+    settings = replace(settings, effort=replace(settings.effort, seed=requirements.seed))
+    with console.chosen_progress(progress) as report:
+        return _sized(requirements, settings, report or (lambda share, text: None))
+
+
+def _sized(requirements: Requirements, settings: Settings, progress: Progress) -> Sizing:
     catalogues = catalogues_of(requirements)
     sizing = partial(Sizing, requirements, catalogues, settings)
     workers = settings.processes.workers

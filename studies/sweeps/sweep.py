@@ -127,7 +127,7 @@ def opened(
         yield run(plan, folder, states, processes=processes, progress=progress)
 
 
-def store_of(plan: Plan, store: Store | Path | None) -> contextlib.AbstractContextManager[Store | None]:
+def store_of(plan: Plan, store: Store | Path | str | None) -> contextlib.AbstractContextManager[Store | None]:
     """Open the store of a plan, default: the user's; None if nothing is solved. A store that is open stays open."""
     if isinstance(store, Store) or not plan.solves:
         return contextlib.nullcontext(store if isinstance(store, Store) else None)

@@ -282,7 +282,7 @@ def _over_grid(table: pd.DataFrame, axes: Sequence[str], study: SweepColumns, qu
     words, unit, styles = in_words(label), label.partition("(")[2].rstrip(")"), tuple(dict.fromkeys(tidy["model"]))
     known = tidy.groupby("model", sort=False)["value"].count()
     silent = list(known.index[known == 0]) if some else []
-    notes = _unanswered(tidy) if some else []
+    notes = unanswered(tidy) if some else []
     tidy = tidy[~tidy["model"].isin(silent)]
     look = view(tidy, axes)
     used = {look.x, look.second, *look.panels, *look.folded}
@@ -310,7 +310,7 @@ def _alone(tidy: pd.DataFrame) -> str:
     return f", {tidy['model'].iloc[0]}" if tidy["model"].nunique() == 1 else ""
 
 
-def _unanswered(tidy: pd.DataFrame) -> list[str]:
+def unanswered(tidy: pd.DataFrame) -> list[str]:
     """State in how many cases a model has no answer that another one has."""
     lost = tidy.groupby("model", sort=False)["failed"].sum()
     if lost.min() == lost.max():
@@ -337,7 +337,7 @@ def _drawn(
         how = "the value of greatest magnitude" if look.maps else "lines at the greatest magnitude, shades over all"
         values = _list([in_words(axis) for axis in look.folded])
         notes = [*notes, f"{_capital(in_words(label))} over all values of {values}: {how}."]
-    notes = [*notes, *_marked(tidy, maps=look.maps)]
+    notes = [*notes, *marked(tidy, maps=look.maps)]
     flags = {name: data[name] for name in ("failed", "open") if data[name].any()}
     shown = data[[]].assign(**{quantity_name(look.x): data[look.x], label: data[label], **flags})
     several = data["model"].nunique() > 1
@@ -406,7 +406,7 @@ def _limits(errors: pd.Series) -> tuple[tuple[float, float] | None, list[str]]:
     return (float(inside.min() - room), float(inside.max() + room)), [f"{what} at the edge: {ends}."]
 
 
-def _marked(tidy: pd.DataFrame, *, maps: bool) -> list[str]:
+def marked(tidy: pd.DataFrame, *, maps: bool) -> list[str]:
     """Return what the marks of a figure mean, with the numbers of cases, which each model has once."""
     said = []
     cases = tidy.groupby("model", sort=False)
@@ -474,7 +474,7 @@ def _scattered(table: pd.DataFrame, axes: Sequence[str], study: SweepColumns, qu
         is_error = unit != label
         count = tidy["value"].notna().groupby(tidy["model"]).sum().max()
         caption = f"Each of the {count} points is one case; every panel shows the same cases over another axis."
-        notes = _marked(tidy, maps=False)
+        notes = marked(tidy, maps=False)
         if is_error:
             caption += " " + " ".join(_share(part, model) for model, part in tidy.groupby("model", sort=False))
         look = Look(line=False, shared=False, guides=bands(5, 10) if is_error else ())

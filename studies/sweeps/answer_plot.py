@@ -1,0 +1,182 @@
+"""A chart of answers from Python: `plot` draws the table of `studies.cases.answer` with the figures of a sweep.
+
+The caller names the columns of axes and colours; which columns belong to a model the table's `attrs` say, or else the
+names of the columns.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from geometry.bad_input import nearest
+from geometry.design import BadInput
+from studies.output import figures
+from studies.output.figures import COLOURS, THEME, Look
+from studies.output.text_tables import quantity_name
+from studies.sweeps import sweep_figures
+from studies.sweeps.study_rows import COMPONENTS
+from studies.sweeps.sweep_columns import SweepColumns
+from studies.sweeps.sweep_figures import QUANTITIES, in_words, log_spaced, value_of
+
+if TYPE_CHECKING:
+    import altair as alt
+    import pandas as pd
+
+BARS = "Bars, where longer than the marker: estimated errors of finite elements, 90 % intervals of the surrogate."
+"""What the bars of a chart are; what those of a column of the user's own are, the user knows."""
+
+
+def plot(answers: pd.DataFrame, x: str, y: str | Sequence[str], color: str = "") -> alt.LayerChart:
+    """Return a chart of answers, with units at its axes and bars for the errors that the table states.
+
+    A line joins the points of each model if each has one value for each x. Open markers are states that are unstable
+    or not known to be stable, and crosses cases without an answer; a sentence below the chart says so.
+
+    Parameters
+    ----------
+    answers : table that `answer` returned, or some of its rows and columns, `status` among them.
+    x : column of the horizontal axis, such as `L_mm`.
+    y : what stands above it: a quantity with its unit, such as `force_N`, of all models side by side; or the column
+        of one model, such as `fem_force_N`, or one of your own; or several of them.
+    color : column whose values, at most seven, have colours of their own; default: the models have them.
+
+    Returns
+    -------
+    A chart of Altair with the look of magtip's own figures: `chart.save("force.svg")`, or .png, .html, .json.
+
+    Raises
+    ------
+    BadInput
+        A column is missing, has too many values for colours, or no row has an answer.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from studies.cases import answer
+    >>> found = answer(pd.DataFrame({"L_mm": [8, 10, 12], "depth_mm": 1.0}), ["surrogate", "finite"])
+    >>> chart = plot(found, x="L_mm", y="force_N")
+    >>> [layer["mark"]["type"] for layer in chart.to_dict()["layer"]]
+    ['rule', 'line', 'point']
+    """
+    import pandas as pd
+
+    names = list(y) if isinstance(y, Sequence) and not isinstance(y, str) else [y]
+    _check(answers, x, color, names)
+    study = _columns_of(answers)
+    label = _label(names, study)
+    axes = list(dict.fromkeys(filter(None, (x, color))))
+    tidy = pd.concat([_answers(answers, axes, study, name) for name in names], ignore_index=True)
+    if not tidy["value"].notna().any():
+        raise BadInput(f"no row has an answer for {' and '.join(names)}: see the columns status and message")
+    keys = [*axes, "model"]
+    numeric = tidy[x].dtype.kind in "fiu"
+    joined = numeric and not tidy.duplicated(keys).any()
+    tidy = tidy.sort_values(x, kind="stable") if joined else tidy
+    shown = pd.DataFrame({quantity_name(x): tidy[x], label: tidy["value"]})
+    shown = shown.assign(**{flag: tidy[flag] for flag in ("failed", "open") if tidy[flag].any()})
+    if tidy["half_width"].notna().any():
+        shown = shown.assign(low=tidy["value"] - tidy["half_width"], high=tidy["value"] + tidy["half_width"])
+    if color:
+        shown["series"] = [value_of(color, value) for value in tidy[color]]
+    if tidy["model"].nunique() > 1 or not color:
+        shown["model" if color else "series"] = tidy["model"]
+    log = "x" if numeric and log_spaced(np.unique(tidy[x].dropna())) else ""
+    figure = figures.plot("", "", shown, quantity_name(x), label, Look(line=joined, log=log, bars=True))
+    said = [BARS] if "low" in shown else []
+    said += [*sweep_figures.marked(tidy, maps=False), *sweep_figures.unanswered(tidy)]
+    said += [*sweep_figures.failures(answers), *figure.notes]
+    chart = figure.chart.properties(title=figures.foot(said)) if said else figure.chart
+    configured: alt.LayerChart = chart.configure(**THEME)
+    return configured
+
+
+def _check(answers: object, x: object, color: object, names: Sequence[object]) -> None:
+    import pandas as pd
+
+    if not isinstance(answers, pd.DataFrame):
+        raise BadInput(f"answers must be the table that answer returns; got {type(answers).__name__}")
+    if "status" not in answers:
+        raise BadInput("the answers have no column status: hand on the table that answer returned")
+    for what, name in (("x", x), *((("color", color),) if color != "" else ())):
+        if not isinstance(name, str) or name not in answers:
+            raise BadInput(f"{what} must be a column of the answers; got {name!r}: {nearest(str(name), answers)}")
+    if not names or not all(isinstance(name, str) for name in names):
+        raise BadInput(f"y must be the name of a column, or a list of names; got {names!r:.60}")
+    if color != "" and (count := answers[color].nunique()) > len(COLOURS):
+        raise BadInput(f"{color} has {count} values, and {len(COLOURS)} colours can be told apart: take fewer rows")
+
+
+def _columns_of(answers: pd.DataFrame) -> SweepColumns:
+    """Return the models of a table: by its attributes, or by its names if it has lost them, as in a file."""
+    record = answers.attrs.get("columns")
+    if not isinstance(record, Mapping):
+        return SweepColumns.of_table(answers.columns)
+    return SweepColumns.of_record({**record, "axes": []}, answers.columns)
+
+
+def _label(names: Sequence[str], study: SweepColumns) -> str:
+    """Return the label of the vertical axis; BadInput if quantities do not share their unit."""
+    units = [quantity_name(name).partition("(")[2] for name in names]
+    if len(set(units)) > 1:
+        other = next(k for k, unit in enumerate(units) if unit != units[0])
+        raise BadInput(f"{names[0]} and {names[other]} have other units: draw them in two charts")
+    quantity = _model_of(names[0], study)[1]
+    return QUANTITIES[quantity]["label"] if quantity in QUANTITIES else quantity_name(quantity)
+
+
+def _model_of(name: str, study: SweepColumns) -> tuple[str, str]:
+    """Return the model of a column, "" for none, and the column without the model's name."""
+    fitting = [(len(prefix), model) for model, prefix in study.models.items() if name.startswith(prefix)]
+    # the longest beginning: fem_half_quick_ also begins with fem_
+    length, model = max(fitting, default=(0, ""))
+    return model, name[length:]
+
+
+def _answers(answers: pd.DataFrame, axes: Sequence[str], study: SweepColumns, name: str) -> pd.DataFrame:
+    """Return the rows of `sweep_figures.answers` of a quantity, or of one column, with their half widths."""
+    model, quantity = _model_of(name, study)
+    if name in answers and model:
+        study, name = replace(study, models={model: study.models[model]}), quantity
+    elif name in answers and name not in QUANTITIES:
+        part = answers[list(axes)].assign(model=in_words(name), value=answers[name], failed=False, open=False)
+        return part.assign(half_width=half_width(answers, study, "", name))
+    models = study.answers(name, answers.columns)
+    if not models:
+        raise BadInput(f"the answers have no {name!r}: {nearest(name, _quantities(answers, study))}")
+    tidy = sweep_figures.answers(answers, axes, study, name)
+    return tidy.assign(half_width=np.concatenate([half_width(answers, study, model, name) for model in models]))
+
+
+def _quantities(answers: pd.DataFrame, study: SweepColumns) -> list[str]:
+    """Return what can be drawn: columns without their model's name, and the columns themselves."""
+    columns = [str(name) for name in answers if answers[name].dtype.kind in "fiu"]
+    return list(dict.fromkeys([*(_model_of(name, study)[1] for name in columns), *columns]))
+
+
+def half_width(answers: pd.DataFrame, study: SweepColumns, model: str, quantity: str) -> pd.Series:
+    """Return the half width of the error of each value that a table states, in the unit of the quantity, or NaN.
+
+    An estimate is a relative error of the vector whose component the quantity is: that of the press force or of the
+    magnet's motion is of its magnitude, that of a force along the shear of the force along the plate. Models of
+    formulas, and readings, have none.
+    """
+    import pandas as pd
+
+    prefix = study.models.get(model, "")
+    if f"{prefix}{quantity}_half_width" in answers:
+        return answers[f"{prefix}{quantity}_half_width"]
+    vector = next((parts for parts in COMPONENTS.values() if quantity in parts), (quantity,))
+    estimate = f"{vector[0].rpartition('_')[0].replace('shift_z', 'shift')}_error_estimate"
+    if vector is COMPONENTS["force"]:
+        along = quantity != vector[0]
+        vector, estimate = vector[along:], "sideways_error_estimate" if along else "error_estimate"
+    # of a single model of finite elements the estimates have no name in front
+    column = f"{prefix}{estimate}" if f"{prefix}{estimate}" in answers else estimate
+    if study.is_formula(model) or column not in answers:
+        return pd.Series(np.nan, answers.index)
+    parts = [answers[f"{prefix}{part}"] for part in vector if f"{prefix}{part}" in answers]
+    return answers[column] * np.linalg.norm(parts, axis=0)
