@@ -125,14 +125,14 @@ def _solve_modes(scene: Scene, count: int, told: Scene, edge: float | None) -> M
     }
     blocks["torsion"] = _torsion_matrices(press, scene)
     pressures = {name: model.system.n_pressure for name, model in zip(SHAPES, models, strict=True)}
-    stabilities = [_stability(K, pressures.get(name, 0)) for name, (K, _) in blocks.items()]
-    refuse_unstable(sum(stabilities, STABLE), depth)
-    values = {name: eigen(*block, math.ceil(count / 2))[0] for name, block in blocks.items()}
+    solvers = {name: _factorised(K) for name, (K, _) in blocks.items()}
+    refuse_unstable(sum((s.stability(pressures.get(name, 0)) for name, s in solvers.items()), STABLE), depth)
+    values = {name: eigen(*block, math.ceil(count / 2), solvers[name])[0] for name, block in blocks.items()}
     # most blocks have few of the lowest modes: only those that may have more are solved again
     limit = sorted(itertools.chain(*values.values()))[count - 1]
     for name, block in blocks.items():
         if len(values[name]) < count and values[name][-1] < limit:
-            values[name], _ = eigen(*block, count)
+            values[name], _ = eigen(*block, count, solvers[name])
     lowest = sorted((float(value), name) for name, block_values in values.items() for value in block_values)[:count]
     scale = frequency_unit(scene.design)
     frequencies = tuple(math.sqrt(value) * scale for value, _ in lowest)
@@ -143,11 +143,11 @@ def _solve_modes(scene: Scene, count: int, told: Scene, edge: float | None) -> M
     return replace(found, status=state.status, message=state.message)
 
 
-def _stability(K: sp.csr_matrix, pressures: int) -> Stability:
-    """Return the stability of a body with a number of pressures, from the inertia of its tangent."""
+def _factorised(K: sp.csr_matrix) -> Solver:
+    """Return a solver with the factorisation of a matrix."""
     solver = Solver()
     solver.factorise(K)
-    return solver.stability(pressures)
+    return solver
 
 
 def refuse_unstable(stability: Stability, depth: float) -> None:
@@ -226,15 +226,15 @@ def _torsion_matrices(press: Press, scene: Scene) -> tuple[sp.csr_matrix, sp.csr
     return K[twist][:, twist].tocsr(), M[twist][:, twist].tocsr()
 
 
-def eigen(K: sp.csr_matrix, M: sp.csr_matrix, count: int) -> tuple[Array, Array]:
+def eigen(K: sp.csr_matrix, M: sp.csr_matrix, count: int, solver: Solver | None = None) -> tuple[Array, Array]:
     """Return the eigenvalues nearest to zero of K x = lambda M x in rising order, and their vectors (n, count).
 
     K, M : upper triangles (n, n); M may be singular.
+    solver : with the factorisation of K; default: a new one.
     """
-    M, solver = M.copy(), Solver()
+    M, solver = M.copy(), solver or _factorised(K)
     M.eliminate_zeros()  # most of the pattern is that of pressures and of pairs of different fields
     mass = (M + sp.triu(M, 1).T).tocsr()
-    solver.factorise(K)
     # a first vector in the range of K^-1 M has no part that M does not see
     first = solver.solve(mass @ np.random.default_rng(0).normal(size=K.shape[0]))
     inverse = LinearOperator(K.shape, matvec=solver.solve, dtype=np.float64)
