@@ -123,3 +123,14 @@ def test_the_shown_progress_never_falls(capsys):
         for fraction, text in ((0.35, "first"), (0.87, "second"), (0.35, "again"), (1.0, "end")):
             report(fraction, text)
     assert capsys.readouterr().err.split("\n")[:4] == ["35 % first", "87 % second", "87 % again", "100 % end"]
+
+
+def test_a_command_says_each_warning_once(capsys):
+    for _ in range(2):
+        with console.warnings_once():
+            for text in ("one run only", "no rest", "one run only"):
+                console.warn(text)
+    assert capsys.readouterr().err.split("\n") == [
+        "magtip: warning: one run only",
+        "magtip: warning: no rest",
+    ] * 2 + [""]

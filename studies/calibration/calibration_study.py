@@ -65,10 +65,6 @@ FEW, FIRST, ROUGH, LIKELY, BETTER = 24, 2, 8, 6, 3.0
 """Rows with which columns that are exchanged, reversed or turned are sought, steps of a first fit with each of them,
 steps with those that then fit best, their number, and how much better the rows must fit."""
 CHECK = "check which column is which element, the signs of the forces, and wrong rows"
-ONE_RUN = (
-    "there is one run only, so errors on held-out rows are those of parts of it, and another run may be worse: "
-    "record a second one"
-)
 COPY, WRONG = "repeats another one to the last digit: was it measured again?", "was it measured wrongly?"
 TURNS: dict[str, tuple[list[int], list[float]]]
 TURNS = {"90": ([1, 0], [1.0, -1.0]), "180": ([0, 1], [-1.0, -1.0]), "-90": ([1, 0], [-1.0, 1.0])}
@@ -507,7 +503,7 @@ def rows_of(design: Design, bench: Bench) -> Recorded:
     if len(rows) < len(usable):
         said.append(f"{len(rows)} of {len(usable)} rows are used, evenly spaced: more would teach hardly anything")
     if len(bench.runs) == 1:
-        said.append(ONE_RUN)
+        said.append(regression_study.ONE_RUN)
     return Recorded(bench, measured, lag, rows, said, copied)
 
 
@@ -700,7 +696,9 @@ def _result(
         noise=dict(zip(bench.readings, sensor.noise.tolist(), strict=True)),
         curve=_curve(tables["learning"]) if regression_study.is_curve(tables["learning"]) else [],
     )
-    text = calibration_file.as_text(found, origin["mechanics"], origin["lag_s"], warnings, failures)
+    text = calibration_file.as_text(
+        found, origin["mechanics"], origin["lag_s"], regression_study.lasting(warnings), failures
+    )
     return Result(
         title="Calibration",
         records=[record],

@@ -34,6 +34,11 @@ ASSUMED_NOISE = 0.005
 """Error of measured forces that is assumed unless it is stated or estimated, over the largest force."""
 BETTER = 1.5
 """Error of one decoder over that of the other on held-out rows from which the other one is recommended."""
+ONE_RUN = (
+    "there is one run only, so errors on held-out rows are those of parts of it, and another run may be worse: "
+    "record a second one"
+)
+"""Warning of a bench; it concerns errors on held-out rows, and no decoded force."""
 MODEL = "calibration"
 """Name of the model of the sensor in tables of methods."""
 
@@ -219,6 +224,11 @@ def why_model(model: FlatRow, best: FlatRow | None, other: str) -> list[str]:
     return [f"{written}; {compared}" if math.isfinite(ratio) else written, f"for the regression: {other}"]
 
 
+def lasting(warnings: Sequence[str]) -> list[str]:
+    """Return the warnings that each verb says again which takes the calibration."""
+    return [text for text in warnings if text != ONE_RUN]
+
+
 def is_curve(learning: Rows) -> bool:
     """Return whether rows of a learning curve have more than one number of training rows, which a dozen presses have
     not."""
@@ -281,7 +291,7 @@ def result(
         factor=found.factor, farthest=found.farthest, warmth=force_regression.WARMTH,
         learned=is_curve(curve),
     )  # fmt: skip
-    text = calibration_file.regression_text(found, recorded.lag, warnings)
+    text = calibration_file.regression_text(found, recorded.lag, lasting(warnings))
     drawn = partial(figures, recorded.force, one.chosen.force, curve)
     return Result(
         title="Calibration",

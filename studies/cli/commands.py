@@ -211,7 +211,7 @@ def run(tokens: list[str] | None = None) -> int:
             console.say(f"magtip: {word!a} is not UTF-8: rename the file or folder, or type the value again")
             return BAD
     try:
-        with contextlib.redirect_stdout(console.Output(sys.stdout)):
+        with contextlib.redirect_stdout(console.Output(sys.stdout)), console.warnings_once():
             listed = app[words[0]] if any(words[:1] == [verb] for each in ACTIONS.values() for verb in each) else app
             # import all verbs or actions: their list shows only the name of one that is not imported
             if all(word.startswith("-") for word in words[listed is not app :][:1]):

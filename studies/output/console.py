@@ -9,6 +9,7 @@ import shutil
 import sys
 import threading
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextvars import ContextVar
 from dataclasses import replace
 from typing import Any, TextIO
 
@@ -248,9 +249,27 @@ def _print_lines(title: str, lines: Sequence[str]) -> None:
     print("\n".join([*heads, *lines, ""]), flush=True)
 
 
+_warned: ContextVar[set[str] | None] = ContextVar("_warned", default=None)
+"""Warnings that the current command has printed."""
+
+
+@contextlib.contextmanager
+def warnings_once() -> Iterator[None]:
+    """Print each warning of the block once: a verb may read a file for each of its outputs."""
+    token = _warned.set(set())
+    try:
+        yield
+    finally:
+        _warned.reset(token)
+
+
 def warn(text: str) -> None:
     """Print a warning on standard error."""
-    say(f"{WARNING}{text}")
+    warned = _warned.get()
+    if warned is None or text not in warned:
+        say(f"{WARNING}{text}")
+    if warned is not None:
+        warned.add(text)
 
 
 def say(text: str) -> None:
