@@ -40,7 +40,7 @@ from fem.accuracy import STANDARD, Accuracy
 from fem.equilibrium import sideways_model, with_estimates
 from fem.model import coulomb_friction
 from fem.results.error_estimates import estimate_response
-from fem.results.postprocess import read, read_response, tip_force
+from fem.results.postprocess import contact_size, read, read_response, tip_force
 from fem.scene import Model, Scene, silicone_on_axis
 from fem.solution import Solution
 from fem.solve.load_case_models import mesh_range, path_models
@@ -438,7 +438,9 @@ class _Search:
         found = with_estimates(state, coarse.read(coarse_point, load, time.perf_counter() - begin), path.scene)
         if coarse_point.stop:
             return found
-        fine, rough = (read_response(one.state, path.scene) for one in (press, coarse_press))
+        fine, rough = (
+            read_response(one.state, path.scene, contact_size(one.state)[0]) for one in (press, coarse_press)
+        )
         pressed = estimate_response(
             fine, rough, target.load_at(press.motion * D, 0.0), path.scene, press.state.d.model
         )

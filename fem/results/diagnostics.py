@@ -84,17 +84,19 @@ def diagnose(
     upright = upright and found.response.force[2] > 0
     checked = upright and state.d.model == "axisymmetric" and not state.sheared
     near = margin(state) if margin and checked else None
+    # a state that only estimates errors is told to nobody
+    told = scene.accuracy.tolerance_factor == 1
     # a path that stops because the law loses stability does so in the next state, which it cannot reach: there the
     # strains are extrapolated
     reach = silicone_limits.REACH if stop or state.stability.is_unstable or onset else 1.0
-    stretches = silicone_limits.find_loss(state.d.system, u, reach)
+    stretches = silicone_limits.find_loss(state.d.system, u, reach) if told else None
     facts = Facts(
         stop=stop,
         stability=state.stability,
         onset=onset,
         onset_mm=between,
         weak_at=None if stretches is None else (float(stretches[0]), float(stretches[1]), float(stretches[2])),
-        inverted_share=None if state.least_J >= FLAT else inverted_share(state.d, u),
+        inverted_share=None if state.least_J >= FLAT or not told else inverted_share(state.d, u),
         remark=None
         if stop
         else _choose_remark(state, found, D, near, touched=touched, looked=not checked or bool(near)),

@@ -41,11 +41,11 @@ def read(
     stop, margin, touched : see `fem.results.diagnostics.diagnose`.
     """
     d, nodal = state.d, state.d.system.state(state.q)
-    design, friction = scene.design, state.friction
+    design, friction, (radius, radius_from) = scene.design, state.friction, contact_size(state)
     D, E = design.D, design.E
     solution = Solution(
         load=reached_load(state, load, scene) if stop else load,
-        response=read_response(state, scene),
+        response=read_response(state, scene, radius),
         energy=state.energy * d.symmetry * E * D**3,
         model=d.model,
         dofs=d.system.size,
@@ -60,7 +60,7 @@ def read(
         ),
         dissipated=state.dissipated * d.symmetry * E * D**3,
         slip_share=None if friction is None else coulomb_friction.slip_share(friction, state.skin.weights),
-        radius_from=contact_size(state)[1],
+        radius_from=radius_from,
     )
     return diagnose(solution, state, scene, stop, margin, touched=touched)
 
@@ -73,8 +73,8 @@ def reached_load(state: PathState, load: Load, scene: Scene) -> Load:
     return replace(load, depth=max(float(depth), 0.0), **moved)
 
 
-def read_response(state: PathState, scene: Scene) -> Response:
-    """Return the force and the pose of the magnet in the user's frame and units."""
+def read_response(state: PathState, scene: Scene, radius: float | None) -> Response:
+    """Return the force and the pose of the magnet in the user's frame and units; `radius` of `contact_size`."""
     d, nodal, turn, design = state.d, state.d.system.state(state.q), scene.turn.T, scene.design
     D = design.D
     total = tip_force(state) * design.E * D**2
@@ -89,7 +89,7 @@ def read_response(state: PathState, scene: Scene) -> Response:
         force=(float(force[0]), float(force[1]), float(total[2])),
         shift=(float(shift_xy[0]), float(shift_xy[1]), float(shift[2]) * D),
         tilt=float(tilt_xy[0]),
-        contact_radius=(contact_size(state)[0] or 0.0) * D,
+        contact_radius=(radius or 0.0) * D,
         tilt_y=float(tilt_xy[1]),
     )
 

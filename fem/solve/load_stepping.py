@@ -94,6 +94,7 @@ class Path:
         if models.predictor is not None and models.raised is None:
             self.rest = with_predictor(self.rest, models.predictor.build())
         self._passed = [self.rest]
+        self._known_sound: PathState | None = None
 
     def advance(self, state: PathState, position: Array) -> Reached[PathState]:
         """Move from a state to a position (3,): first to its depth, then to its shear."""
@@ -122,10 +123,11 @@ class Path:
         """
         solver, goal, ahead = self._solvers[state.d.model], np.array([depth, 0.0, 0.0]), depth - state.position[0]
         iterations = 0
-        if abs(ahead) < min(depth, LONGEST) and _is_sound(state):
+        if abs(ahead) < min(depth, LONGEST) and (state is self._known_sound or _is_sound(state)):
             here = turn(state, np.array([math.copysign(1.0, ahead), 0.0, 0.0]))
             followed = apply_increment(solver, here, goal, self._models.tolerance, accept=False)
             if not followed.stop and _is_sound(followed.state):
+                self._known_sound = followed.state
                 return followed
             iterations = followed.iterations
         passed = self._pass_to(depth)
