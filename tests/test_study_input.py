@@ -20,6 +20,7 @@ from studies.inputs.user_input import fabrication_of, quantity, read_design
         (["D=6,6.0"], ["axis D lists a value twice"]),
         (["dephts=1"], ["'dephts'", "did you mean depth"]),
         (["prony=1"], ["prony is a text and no axis: state it in the design, or vary loss_factor"]),
+        (["force=2,4"], ["there is no axis 'force'", "for given forces take magtip solve --forces"]),
         (["zzz=1"], ["there is no axis 'zzz'", "such as D, L, f, E, depth, shear"]),
         (
             ["law=yeoh,steel"],

@@ -151,6 +151,8 @@ def check_name(name: str) -> None:
     remedy = nearest(name, [axis for axis in AXES if not AXES[axis].text])
     if not remedy.startswith("did you mean"):
         remedy = f"an axis is a field of the design or the load, such as {', '.join(COMMON)}"
+    if "force" in name:
+        remedy = "a case states the motion of the plate (depth, shear), for given forces take magtip solve --forces"
     raise BadInput(f"there is no axis {name!r}: {remedy}")
 
 
