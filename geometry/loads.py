@@ -50,6 +50,9 @@ class Load:
     ------
     BadInput
         A value is not finite, a value is negative where that is not allowed, or two values exclude each other.
+
+    >>> Load(depth=1.0, shear_x=0.5, friction=0.6).shears_tip
+    True
     """
 
     depth: float = 0.0

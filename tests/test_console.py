@@ -1,6 +1,8 @@
 """Tables on standard output: nothing is cut, nothing is longer than a line, and what is left out is named."""
 
 import csv
+import io
+import sys
 from functools import cache
 from pathlib import Path
 
@@ -115,6 +117,17 @@ def test_rows_one_by_one_keep_to_the_terminal(columns, capsys, monkeypatch):
 def test_control_characters_do_not_break_a_table(capsys):
     console.report([{"file": "a\nb\x1b[2J", "n": 1}] * 2, as_json=False)
     assert "a?b?[2J" in capsys.readouterr().out
+
+
+def test_a_notebook_has_one_line_with_a_bar(monkeypatch):
+    stream = type("OutStream", (io.StringIO,), {"__module__": "ipykernel.iostream"})()
+    monkeypatch.setattr(sys, "stderr", stream)
+    with console.chosen_progress(True) as report:
+        report(0.5, "3 of 6 solves")
+    assert stream.getvalue().count("\n") == 1
+    _, half, whole = (line.rstrip() for line in stream.getvalue().split("\r"))
+    assert half == f"{'█' * 12}{'░' * 12}  50 %  3 of 6 solves"
+    assert whole == f"{'█' * 24} 100 %  done"
 
 
 def test_the_shown_progress_never_falls(capsys):

@@ -256,9 +256,9 @@ def test_exported_names_exist_and_have_help(name):
             "models must be a list of names, such as ['fem']; got 'fem'",
         ),
         (
-            lambda: answer(pd.DataFrame({"depth_mm": [1.0]}), workers=-1),
+            lambda: answer(pd.DataFrame({"depth_mm": [1.0]}), workers="2"),
             BadInput,
-            "`workers` must be a whole number from 0 to 1024; got -1",
+            "`workers` must be a whole number from 0 to 1024; got '2'",
         ),
         (lambda: solve(paper(), Load(1.0), QUICK, magnet="none"), BadInput, "magnet must be rigid or ignored; got"),
         (lambda: solve(paper(), 1.0), TypeError, "the load must be a Load, such as Load(depth=1.0); got 1.0"),

@@ -52,8 +52,8 @@ class Processes:
             raise BadInput(
                 "`workers` is for processes on this machine and `scheduler` for a cluster: give one of them"
             )
-        if self.workers is not None and not 0 <= self.workers <= MOST_WORKERS:
-            raise BadInput(f"`workers` must be a whole number from 0 to {MOST_WORKERS}; got {self.workers}")
+        if self.workers is not None and not (isinstance(self.workers, int) and 0 <= self.workers <= MOST_WORKERS):
+            raise BadInput(f"`workers` must be a whole number from 0 to {MOST_WORKERS}; got {self.workers!r}")
 
 
 @dataclass(frozen=True, slots=True)

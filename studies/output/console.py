@@ -284,9 +284,15 @@ def say(text: str) -> None:
 def progress(*, as_json: bool) -> Iterator[Progress]:
     """Yield a callback that takes a fraction (0 to 1) and a text, and shows the progress on standard error.
 
-    A terminal shows a bar; otherwise each new text is a line, or nothing is shown where the output is JSON. The shown
-    fraction never falls: a step that is done again, such as a solve in smaller increments, waits for the rest.
+    A terminal and a notebook show a bar; otherwise each new text is a line, or nothing is shown where the output is
+    JSON. The shown fraction never falls: a step that is done again, such as a solve in smaller increments, waits for
+    the rest.
     """
+    if type(sys.stderr).__module__.startswith("ipykernel"):
+        yield _rising(_over_the_last_line, each=True)
+        _over_the_last_line(1.0, "done")
+        print(file=sys.stderr)
+        return
     if not sys.stderr.isatty():
         yield _rising(lambda share, text: None if as_json else say(f"{100 * share:3.0f} %  {text}"), each=False)
         return
@@ -315,6 +321,21 @@ def chosen_progress(wanted: Progress | bool | None) -> Iterator[Progress | None]
             yield bar
     else:
         yield wanted or None
+
+
+def _over_the_last_line(share: float, text: str) -> None:
+    """Print a bar where no terminal is, but a carriage return leads to the beginning of the line: in a notebook."""
+    print(f"\r{bar_of(share)}  {text:60.60}", end="", file=sys.stderr, flush=True)
+
+
+def bar_of(share: float, width: int = 24) -> str:
+    """Return a share, 0 to 1, as a bar and in percent.
+
+    >>> bar_of(0.5, 4)
+    '██░░  50 %'
+    """
+    full = round(share * width)
+    return f"{'█' * full}{'░' * (width - full)} {100 * share:3.0f} %"
 
 
 def _rising(show: Progress, *, each: bool) -> Progress:
