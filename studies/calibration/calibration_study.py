@@ -222,7 +222,7 @@ def held_out(
 
 
 def sentences(found: Fit) -> list[str]:
-    """Return what the rows cannot tell: unknowns that move together, and those that stay as uncertain as before."""
+    """Return what the rows cannot tell: unknowns from each other, and those that stay as uncertain as before."""
     from scipy.sparse.csgraph import connected_components
 
     un, correlation = found.sensor.unknowns, found.correlation()
@@ -237,12 +237,13 @@ def sentences(found: Fit) -> list[str]:
     # what the variance of the force gains where all are less certain by their deviations, along each other
     wider = [found.covariance + np.outer(along, along) for along in directions]
     total, *more = calibrated_forces.force_variances(found, [found.covariance, *wider], found.shift)
-    for group, along, variance in zip(groups, directions, more, strict=True):
+    for group, variance in zip(groups, more, strict=True):
         first = group[0]
-        effect = ": the decoded force does not depend on it" if variance / total - 1 < IRRELEVANT else ""
-        same, other = ([un.names[k] for k in group if along[k] * way > 0] for way in (1, -1))
-        moves = f" {'move' if same[1:] else 'moves'} against {', '.join(other)}" if other else " move together"
-        said.append(f"{', '.join(same)}{moves} ({np.abs(correlation[first, group[1:]]).min():.2f}){effect}")
+        effect = ", but the decoded force does not depend on that" if variance / total - 1 < IRRELEVANT else ""
+        least, others = np.abs(correlation[first, group[1:]]).min(), ", ".join(un.names[k] for k in group[1:])
+        said.append(
+            f"these rows hardly tell {un.names[first]} from {others} (correlation {least:.2f} in size){effect}"
+        )
     silent = [un.names[k] for k in un.free if found.deviation[k] > SAME * un.deviation[k]]
     if silent:
         said.append(f"these rows say nothing about {', '.join(silent)}, which keep their priors")
