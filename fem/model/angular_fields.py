@@ -34,7 +34,7 @@ from geometry.arrays import Array, Ints, read_only
 class FieldPairs:
     """Pairs of fields f <= g, and the products V_iJf V_kLg of their gradients.
 
-    number : (f, f) number of each pair of fields.
+    number : (f, f) number of each pair of fields; 0 for those with a prescribed field.
     groups : pairs in four groups, of fields that carry the components i and k of the displacement: i, k, numbers of
         the pairs, and products (9, i k t, pairs), with J L first.
     """
@@ -66,6 +66,7 @@ class Angles:
     E : (t, 3, f) displacement components r, theta, z (x, y, z in a solid) of each field.
     V : (t, 3, 3, f) displacement gradient G_iJ of each derivative J of a field.
     C : (t, n) pressure of each pressure field.
+    prescribed : fields that are no unknowns anywhere, nor moved by the magnet's unknowns.
     """
 
     theta: Array
@@ -75,6 +76,7 @@ class Angles:
     V: Array
     C: Array
     sines: bool = False
+    prescribed: tuple[int, ...] = ()
 
     @property
     def fields(self) -> int:
@@ -91,14 +93,15 @@ class Angles:
 
     @functools.cached_property
     def pairs(self) -> FieldPairs:
-        """All pairs of fields f <= g."""
+        """All pairs of fields f <= g that are not prescribed."""
         across, number = self.fields - self.pressures, np.zeros((self.fields, self.fields), dtype=np.int64)
         # fields of the displacement across the axis and along it, and the components that they carry
         families = (slice(0, across), slice(0, 2)), (slice(across, self.fields), slice(2, 3))
         groups, count = [], 0
         for (f, i), (g, k) in itertools.combinations_with_replacement(families, 2):
             pairs = np.indices(number.shape)[:, f, g].reshape(2, -1)
-            first, second = pairs[:, pairs[0] <= pairs[1]]
+            unknown = ~np.isin(pairs, self.prescribed).any(axis=0)
+            first, second = pairs[:, unknown & (pairs[0] <= pairs[1])]
             at = slice(count, count + len(first))
             V_f, V_g = self.V[:, i][..., first], self.V[:, k][..., second]
             products = np.ascontiguousarray(np.einsum("tiJs,tkLs->JLikts", V_f, V_g)).reshape(9, -1, len(first))
@@ -136,7 +139,7 @@ def order_fields(order: int) -> Angles:
     """Return the fields w_0, w_n, w_-n, z_0, z_n and p_0, p_n of one order n >= 1, see `single_order`."""
     theta = np.array([0, np.pi / (2 * order)])
     E, V, C = _field_functions(theta, np.array([0, order, -order]), np.array([0, order]))
-    return Angles(theta, np.full(2, np.pi), order, E, V, C)
+    return Angles(theta, np.full(2, np.pi), order, E, V, C, prescribed=(0, 3))
 
 
 def _field_functions(theta: Array, k: Ints, n: Ints, *, sines: bool = False) -> tuple[Array, Array, Array]:
