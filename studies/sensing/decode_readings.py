@@ -65,7 +65,8 @@ WHY = {
     " device's time (--clock)",
     "uncalibrated": "the force may be one of the tolerances of a built sensor at rest: calibrate the sensor",
     "out_of_range": "readings, force or temperature lie beyond those of the bench: the force of the regression is"
-    " extrapolated there, and its interval is not known; press farther on the bench, or calibrate by the model",
+    " extrapolated there, and its interval is not known; add such presses, or rows at rest, to the bench, or"
+    " calibrate by the model",
     "inconsistent": "no pose explains all readings together: check their order, units and the ambient field",
 }
 WITH_POSE = {"ok", "ambiguous", "uncalibrated", "after_gap", "jump", "untimed", "out_of_range"}
