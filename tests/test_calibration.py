@@ -31,9 +31,7 @@ from studies.inputs.option_groups import Pose, Reading, Streaming
 from studies.inputs.user_input import design_text
 from studies.parts.part_tolerances import tolerances
 from studies.parts.requirements import Requirements, stated_requirements
-from studies.sensing.decode_readings import Source
 from studies.sensitivity.made_sensors import made_sensors
-from studies.simulation import mechanics_sources
 from studies.streaming import live_stream, ros2_package
 from studies.validation import calibration_check, firmware_check
 from studies.validation.calibration_check import FORCE_NOISE, READING_NOISE
@@ -145,19 +143,6 @@ def test_requirements_that_cannot_be_read_are_refused(verb, refusal, toml, tmp_p
         name, toml("[requirements]\nforce_z = 'much'\n"), *rest
     )
     assert not (tmp_path / "o").exists()
-
-
-def test_mechanics_are_of_the_best_source_and_formulas_alone_are_refused(monkeypatch):
-    law = mechanics_sources.of_surrogate(paper()).law
-    for name in ("fem", "finite"):
-        source = Source(name, law, "surrogate: it knows no law yeoh", chosen=True)
-        monkeypatch.setattr(mechanics_sources, "best", lambda design, source=source: source)
-        if name == "fem":
-            words = "finite elements (surrogate: it knows no law yeoh)"
-            assert calibration_study.mechanics_of(paper(), None)[1:] == (words, calibration_study.SOLVED_ERROR)
-        else:
-            with pytest.raises(BadInput, match="only formulas cover this design"):
-                calibration_study.mechanics_of(paper(), None)
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,7 @@ it (`calibrated_forces.next_press`). What a press tells follows from the lineari
 so that the plan needs no measurement. None is repeated.
 
 Loads are those of the requirements of a design; without any, a press to D/8 and a glued shear of as much there.
+The first row is the sensor at rest: it costs nothing, and says what presses far from it leave open of light ones.
 Directions along the plate are multiples of 45 degrees, which a person can set.
 """
 
@@ -49,7 +50,7 @@ PLANNED = "planned_"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Plan:
-    """Planned presses, in the order in which they are done.
+    """The sensor at rest, and planned presses in the order in which they are done.
 
     Attributes
     ----------
@@ -88,7 +89,7 @@ class Plan:
         return math.sqrt(variance)
 
     def rows(self) -> list[FlatRow]:
-        """Return the rows of plan.csv: what to set, and empty cells for what is measured."""
+        """Return the rows of plan.csv: what to set, and empty cells for what is measured; press 0 is rest."""
         elements = parts.of_design(self.sensor.design)
         empty = [f"{name}_{elements[0].unit}" for name in parts.columns(elements)]
         empty += [*FORCES, "depth_mm"]
@@ -96,7 +97,7 @@ class Plan:
         return [
             {"press": k, "angle_deg": angle} | dict(zip(names, row, strict=True)) | dict.fromkeys(empty)
             for k, (angle, row) in enumerate(
-                zip(self.angle.tolist(), np.hstack([self.force, self.load]).tolist(), strict=True), 1
+                zip(self.angle.tolist(), np.hstack([self.force, self.load]).tolist(), strict=True)
             )
         ]
 
@@ -122,8 +123,9 @@ class Plan:
         before, after = (record[f"error_{when}_percent"] for when in ("before", "after"))
         along = f", and forces along the plate up to {aside:.4g} N" if aside else ""
         how = (
-            "Press until the force sensor shows Fz, then move the plate until it shows Fx and Fy, and write down "
-            "readings, forces and, if it is known, the depth; depths and shears are those of a sensor as designed."
+            "Row 0 is the sensor at rest: write down its readings, and 0 as its forces. Then press until the force "
+            "sensor shows Fz, move the plate until it shows Fx and Fy, and write down readings, forces and, if it is "
+            "known, the depth; depths and shears are those of a sensor as designed."
         )
         promise = (
             "After these presses 95 % of made sensors decode each force of these loads with an error below "
@@ -218,16 +220,18 @@ def plan_of(
     if not FEWEST <= count <= most:
         raise BadInput(f"the number of presses must lie between {FEWEST} and {most}; got {count}")
     shift, force, angle = (each[known] for each in (shift, force, angle))
-    left, chosen, found = list(range(len(shift))), list[int](), before
+    left, chosen, rest = list(range(len(shift))), list[int](), np.zeros((1, 3))
+    found = calibrated_forces.planned(sensor, rest)
     for _ in range(count):
         best, _, _ = calibrated_forces.next_press(found, shift[left], shift)
         chosen.append(left.pop(best))
-        found = calibrated_forces.planned(sensor, shift[chosen])
+        found = calibrated_forces.planned(sensor, np.vstack([rest, shift[chosen]]))
     aside = np.hypot(force[:, 0], force[:, 1])
     # by direction, in each with rising forces; pure presses first
     order = sorted(chosen, key=lambda k: (np.nan_to_num(angle[k], nan=-1.0), round(force[k, 2], 9), aside[k]))
     load = force_and_load(sensor.mechanics, np.ascontiguousarray(shift[order].T), contact=False)[1].T + 0.0
-    return Plan(sensor, needed, *sources, force[order], load, angle[order], shift, before, found, lost)
+    force, load = (np.vstack([rest, each]) for each in (force[order], load))
+    return Plan(sensor, needed, *sources, force, load, np.append(math.nan, angle[order]), shift, before, found, lost)
 
 
 def loads_of(needed: Requirements, count: int = PRESSES) -> Array:

@@ -62,6 +62,8 @@ TELLING = 0.99
 """Standard deviation of an unknown over that of its prior from which rows say too little to contradict it."""
 GROWTH_ROUNDS, SAME_GROWTH = 6, 0.02
 """Most rounds in which the growth of the variances is estimated; relative change that ends them."""
+SHARES = (1.0, 0.1, 0.01)
+"""Shares of what priors leave unknown of each prediction, by which errors are wider at first."""
 MOST_DAMPED = 1e3
 """Damping at which a row that still finds no better shift is at its best one."""
 GRID, FEW_SHIFTS = (9, 9, 12), 40
@@ -427,11 +429,15 @@ def warmer_of(sensor: Sensor, bench: Bench) -> Array:
 def fit(sensor: Sensor, measured: Array, warmer: Array) -> Fit:
     """Estimate the sensor from rows (n, k + 6).
 
-    Where the residuals exceed the stated errors, the variances of all that was measured grow until they fit.
+    Errors fall to the stated ones from those with which the priors explain the rows: else exact readings of a sensor
+    far from its priors hold shifts in wrong places. Where the residuals exceed the stated errors, the variances grow
+    until they fit.
     """
     un, W, growth = sensor.unknowns, sensor.weights(measured), 1.0
     prior = np.diag(1 / un.deviation[un.free] ** 2)
     theta, shift = un.mean.copy(), _settled_at_priors(sensor, measured, W, warmer)
+    for share in SHARES:
+        theta, shift, _ = _minimised(sensor, theta, shift, measured, _weights_with(sensor, W, share), warmer)
     for _ in range(GROWTH_ROUNDS):
         theta, shift, _ = _minimised(sensor, theta, shift, measured, W / math.sqrt(growth), warmer)
         r, Js, Jt = linearised(sensor, theta, shift, measured, W, warmer)
@@ -458,10 +464,14 @@ def misfit(sensor: Sensor, measured: Array, warmer: Array, steps: int) -> float:
 
 def _settled_at_priors(sensor: Sensor, measured: Array, W: Array, warmer: Array, steps: int = STEPS) -> Array:
     theta = sensor.unknowns.mean
-    _, _, left = _start_grid(sensor, tuple(theta.tolist()))
-    # exact readings of a sensor far from its priors are not explained by shifts
-    known = np.where(W > 0, 1 / np.hypot(1 / np.where(W > 0, W, 1.0), left), 0.0)
+    known = _weights_with(sensor, W, 1.0)
     return settle_shifts(sensor, theta, sensor.starts(theta, measured), measured, known, warmer, steps)
+
+
+def _weights_with(sensor: Sensor, W: Array, share: float) -> Array:
+    """Return weights (n, k + 6) of errors to which a share of what the priors leave unknown is added."""
+    _, _, left = _start_grid(sensor, tuple(sensor.unknowns.mean.tolist()))
+    return np.where(W > 0, 1 / np.hypot(1 / np.where(W > 0, W, 1.0), share * left), 0.0)
 
 
 def _minimised(

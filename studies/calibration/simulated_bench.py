@@ -196,7 +196,9 @@ def bench(plan: Plan, made: MadeSensors, stand: Stand, seed: int, progress: Prog
     design, rng = _design_of(made), np.random.default_rng([seed, 0])
     load = loads_of(plan, design, plan.force, plan.load)
     states = pressed(design, load, stand.accuracy, progress)
-    shown = load[:, :1] + stand.zero + stand.compliance * states.force[:, 2:]
+    # a plate that does not touch has no depth
+    depth = np.where(load[:, :1] > 0, load[:, :1], math.nan)
+    shown = depth + stand.zero + stand.compliance * states.force[:, 2:]
     measured = states.force + stand.force_noise * rng.normal(size=states.force.shape)
     rows = np.hstack([readings(made, states, stand, rng), measured, shown, states.force, load])
     return pd.DataFrame(rows, columns=[*columns(design), *FORCES, "depth_mm", *TRUE, *MOVED])
@@ -255,14 +257,16 @@ def loads_of(plan: Plan, design: Design, force: Array, load: Array) -> Array:
 def pressed(design: Design, load: Array, accuracy: Accuracy, progress: Progress) -> States:
     """Return what a design does under depths and shears (n, 3), mm, each from rest on, by finite elements.
 
-    Shears of one size are the same in all directions, so that one along x is solved for all of them.
+    Shears of one size are the same in all directions, so that one along x is solved for all of them. At depth 0 the
+    sensor is at rest.
     """
     sizes = np.column_stack([load[:, 0], np.hypot(load[:, 1], load[:, 2])])
     unique, which = np.unique(sizes.round(9), axis=0, return_inverse=True)
     solves = []
     for k, (depth, shear) in enumerate(unique.tolist()):
         progress(k / len(unique), f"state {k + 1} of {len(unique)}")
-        solves.append(solved(design, [Load(depth, shear, friction="stick") if shear else Load(depth)], accuracy))
+        pressing = Load(depth, shear, friction="stick") if shear else Load(depth)
+        solves.append(solved(design, [pressing], accuracy) if depth else States(*np.zeros((2, 1, 3)), np.zeros((1, 2))))
     c, s = load[:, 1:].T / np.where(sizes[:, 1] > 0, sizes[:, 1], 1.0)
     c = np.where(sizes[:, 1] > 0, c, 1.0)
 

@@ -129,20 +129,6 @@ def _reach(design: Design) -> tuple[float, float]:
     return deepest, 0.999 * design.D * float(beams.farthest[0])
 
 
-def half_width_of_press(design: Design, source: Source) -> float:
-    """Return the half width of the 90 % interval of the force over the force, of a press to half of what is known.
-
-    Raises
-    ------
-    BadInput
-        It is unknown.
-    """
-    width = math.nan if source.half_width is None else source.half_width(Load(depth=_reach(design)[0] / 2))
-    if math.isnan(width):
-        raise BadInput("the error of the surrogate's force is unknown for this design")
-    return width
-
-
 def held(response: Response) -> Response:
     """Return a response, but refuse one that a plate holds by no friction.
 
