@@ -78,7 +78,7 @@ def own_cache(tmp_path_factory):
     run = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("MAGTIP_CACHE", str(run / "meshes"))
-        patch.setenv("MAGTIP_STORE", str(base / "solved.sqlite"))
+        patch.setenv("MAGTIP_STORE", str(run / "solved.sqlite"))
         yield
 
 
@@ -149,9 +149,13 @@ def store_folders(tmp_path_factory):
 
 
 @pytest.fixture(autouse=True)
-def own_store(store_folders, monkeypatch):
-    """Each test has a store of solved states of its own, empty at first."""
-    monkeypatch.setenv("MAGTIP_STORE", str(next(store_folders) / "solved.sqlite"))
+def own_store(request, store_folders, monkeypatch):
+    """Each test has a store of solved states of its own, empty at first, but for those of `calibrates`.
+
+    These share the mechanics of their designs, some 40 states each.
+    """
+    if not request.node.get_closest_marker("calibrates"):
+        monkeypatch.setenv("MAGTIP_STORE", str(next(store_folders) / "solved.sqlite"))
 
 
 @pytest.fixture(scope="module")

@@ -38,6 +38,8 @@ from studies.validation.calibration_check import FORCE_NOISE, READING_NOISE
 from studies.web.explorer_answers import Answers
 from studies.web.explorer_state import request_of
 
+pytestmark = pytest.mark.calibrates
+
 EXAMPLES = f"{Path(calibration_study.__file__).parents[1]}/examples/bench/"
 SCAN = ["calibrate", "paper", EXAMPLES + "magnet_scan_d8h2.csv", "--scan", "--set", "hall_layout=tle493d-w2b6"]
 SCAN += ["--set", "D=12", "--set", "L=14", "--set", "magnet_diameter=8", "--set", "magnet_height=2", "--set", "l0=7"]
@@ -51,8 +53,8 @@ def bench(tmp_path_factory):
     )
     stand = simulated_bench.Stand(FORCE_NOISE, READING_NOISE)
     made = made_sensors(paper(), tolerances(), 1, 5)
-    table = simulated_bench.bench(plan, made, stand, 5, lambda share, text: None)
-    # light and full presses in both runs
+    table = simulated_bench.bench(plan, made, stand, 5, lambda share, text: None).iloc[1:]
+    # without the row at rest; light and full presses in both runs
     table = table.sample(frac=1, random_state=1, ignore_index=True).rename(columns={"Fz_N": "F_z [N]"})
     folder = tmp_path_factory.mktemp("bench")
     files = []
@@ -179,11 +181,12 @@ def test_a_calibrated_sensor_decodes_as_in_python_by_the_decoder_in_c(calibratio
     known = np.isfinite(expected.force).all(axis=1)
     assert known.sum() > 800
     assert_allclose(answer["force"][known], expected.force[known], atol=2e-4 * np.nanmax(expected.force))
-    # a coarse grid, rounded up; above rest there is no press
+    # a coarse grid, rounded up, and the coarser the less of the interval is the fit's constant error; above rest
+    # there is no press
     known &= expected.shift[:, 2] < 0
     ratio = answer["half_width"][known] / expected.half_width[known]
     assert ratio.min() > 0.8
-    assert 1 < np.median(ratio) < 1.2
+    assert 1 < np.median(ratio) < 1.35
     # and over time, where the force relaxes: a press within a second, held
     times = 0.05 * np.arange(60)
     path = np.stack([0 * times, 0 * times, -0.5 * np.minimum(times, 1.0)])

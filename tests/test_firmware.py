@@ -23,6 +23,8 @@ from studies.parts.requirements import Requirements
 from studies.sensing import decode_readings
 from studies.validation import firmware_check
 
+pytestmark = pytest.mark.calibrates
+
 THREE_CHIPS = {"hall_layout": "tlv493d-a1b6", "chip_count": 3, "chip_x": 5.0}
 
 LIBRARY = """

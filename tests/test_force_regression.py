@@ -30,6 +30,8 @@ from studies.streaming import live_stream
 from studies.validation import firmware_check
 from studies.validation.calibration_check import FORCE_NOISE, READING_NOISE
 
+pytestmark = pytest.mark.calibrates
+
 NAMES = ["S1_V", "S2_V", "S3_V"]
 FORCES = ["Fx_N", "Fy_N", "Fz_N"]
 

@@ -36,6 +36,8 @@ from studies.sizing.front_solves import (
 from studies.sizing.front_yield import check_of, drawn, required_load, yield_of
 from studies.sizing.sensor_arrays import made_sensors_of, sensors_of, sensors_of_variant
 
+pytestmark = pytest.mark.calibrates
+
 PLAIN = Requirements(force_z=5.0)
 
 

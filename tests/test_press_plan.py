@@ -10,15 +10,16 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from analytic.hall import field_at
-from geometry.design import Design, paper
+from geometry.design import paper
 from studies.calibration import bench_file, calibrated_forces, press_plan, sensor_fit, simulated_bench
 from studies.parts.part_tolerances import tolerances
 from studies.parts.requirements import Requirements
 from studies.sensitivity.made_sensors import made_sensors
 
+pytestmark = pytest.mark.calibrates
+
 NEEDED = Requirements(force_z=6.0, force_x=0.6, press_with_shear=1.5)
-CHIPS = {"D": 12, "L": 10, "magnet_diameter": 6, "magnet_height": 3, "l0": 8, "chip_x": 3.5, "chip_count": 3}
-CHIPS |= {"hall_layout": "tmag5170a1"}
+CHIPS = {"chip_x": 3.0, "chip_count": 3, "hall_layout": "tmag5170a1"}
 
 
 @pytest.fixture(scope="module")
@@ -27,20 +28,23 @@ def plan():
 
 
 def test_a_plan_stays_within_the_loads_and_tells_more_than_evenly_spread_presses(plan):
-    force = plan.force
+    # at rest
+    assert not plan.force[0].any()
+    assert not plan.load[0].any()
+    force, load = plan.force[1:], plan.load[1:]
     aside = np.hypot(force[:, 0], force[:, 1])
     assert force[:, 2].max() == pytest.approx(6.0)
     assert aside.max() == pytest.approx(0.6)
     assert (aside[force[:, 2] < 1.5] == 0).all()
     assert len({tuple(row) for row in force.round(6).tolist()}) == 12
     # by direction, in each with rising forces
-    key = list(zip(np.nan_to_num(plan.angle, nan=-1.0), force[:, 2].round(9), strict=True))
+    key = list(zip(np.nan_to_num(plan.angle[1:], nan=-1.0), force[:, 2].round(9), strict=True))
     assert key == sorted(key)
     # the mechanics have these forces under these loads
-    _, _, found = calibrated_forces.poses_of(plan.sensor, plan.load)
+    _, _, found = calibrated_forces.poses_of(plan.sensor, load)
     assert found == pytest.approx(force, abs=1e-4)
     # three depths in four directions, and no more presses
-    top = plan.load[np.lexsort((aside, force[:, 2]))[-1]]
+    top = load[np.lexsort((aside, force[:, 2]))[-1]]
     share, turn = np.repeat([1 / 3, 2 / 3, 1.0], 4), np.radians(90 * np.tile(range(4), 3))
     depth, shear = top[0] * share, np.hypot(*top[1:]) * share
     even, _, _ = calibrated_forces.poses_of(
@@ -50,7 +54,7 @@ def test_a_plan_stays_within_the_loads_and_tells_more_than_evenly_spread_presses
     assert plan.error(plan.after) < plan.error(other) < 0.1 * plan.error(plan.before)
 
 
-@pytest.mark.parametrize("design", [paper(hall_plate=0.4), Design(**CHIPS)])
+@pytest.mark.parametrize("design", [paper(hall_plate=0.4), paper(**CHIPS)])
 def test_readings_of_a_made_sensor_are_those_of_an_independent_field_code(design):
     made = made_sensors(design, tolerances(), 1, 3)
     rng = np.random.default_rng(1)
@@ -86,7 +90,7 @@ def test_a_rehearsal_goes_from_plan_to_decoded_forces(run, monkeypatch, tmp_path
     status, text, err = run("bench", "paper", *options, "--simulate", "--out", "bench", "--json")
     assert status == 0, err
     record = json.loads(text)
-    assert len(record["presses"]) == 12
+    assert len(record["presses"]) == 1 + press_plan.PRESSES
     assert record["made"]["E_MPa"] != 1.0
     assert "the simulated silicone does not relax: decode recording.csv with --set loss_factor=0" in err
     assert {path.name for path in (tmp_path / "bench").glob("[!.]*")} == {
@@ -110,13 +114,13 @@ def test_a_rehearsal_goes_from_plan_to_decoded_forces(run, monkeypatch, tmp_path
 
 
 def test_three_chips_are_pressed_and_fitted():
-    design, made = Design(**CHIPS), tolerances()
+    design, made = paper(**CHIPS), tolerances()
     plan = press_plan.plan(design, made, None, count=6)
     one = made_sensors(design, made, 1, 2)
     table = simulated_bench.bench(plan, one, simulated_bench.Stand(0.01), 2, lambda share, text: None)
-    measured = np.hstack([table.iloc[:, :12].to_numpy(), np.full((6, 3), np.nan)])
-    found = sensor_fit.fit(plan.sensor, measured, np.zeros(6))
-    decoded = calibrated_forces.decode(found, measured[:, :9], np.zeros(6))
+    measured = np.hstack([table.iloc[:, :12].to_numpy(), np.full((7, 3), np.nan)])
+    found = sensor_fit.fit(plan.sensor, measured, np.zeros(7))
+    decoded = calibrated_forces.decode(found, measured[:, :9], np.zeros(7))
     off = np.abs(decoded.force - table[simulated_bench.TRUE].to_numpy())
     assert (off < 2 * decoded.half_width).all()
     assert off.max() < 0.03 * plan.needed.force_z
@@ -129,7 +133,7 @@ def test_a_plan_that_is_filled_in_is_a_bench(run, tmp_path):
     assert empty == ["S1_V", "S2_V", "S3_V", "Fx_N", "Fy_N", "Fz_N", "depth_mm"]
     plan = press_plan.plan(paper(), tolerances(), None)
     shift, _, _ = calibrated_forces.poses_of(plan.sensor, plan.load)
-    rows = plan.sensor.predict(plan.sensor.unknowns.mean, shift, np.zeros(12))[:, :7]
+    rows = plan.sensor.predict(plan.sensor.unknowns.mean, shift, np.zeros(len(shift)))[:, :7]
     filled[empty] = rows + 1e-3 * np.random.default_rng(1).normal(size=rows.shape)
     filled.to_csv("plan/plan.csv", index=False)
     read = sensor_fit.measured_of(bench_file.read([tmp_path / "plan" / "plan.csv"], paper()))

@@ -16,6 +16,7 @@ from studies.calibration import (
     sensor_fit,
 )
 from studies.parts.part_tolerances import tolerances
+from studies.simulation import mechanics_sources
 from studies.validation.calibration_check import FORCE_NOISE, READING_NOISE
 
 
@@ -23,7 +24,7 @@ from studies.validation.calibration_check import FORCE_NOISE, READING_NOISE
 def simulated():
     """A sensor with unknowns drawn from its priors, the rows that it predicts, and their noise."""
     rng, design = np.random.default_rng(3), paper()
-    law, _, _ = calibration_study.mechanics_of(design, None)
+    law = mechanics_sources.of_surrogate(design).law
     table = pd.DataFrame({name: np.ones(40) for name in ("S1", "S2", "S3", "Fz_N")} | {"run": "a"})
     un = sensor_fit.unknowns_of(design, bench_file.Bench(table, ("S1", "S2", "S3"), []), tolerances())
     sensor = sensor_fit.Sensor(design, law, un, np.full(3, READING_NOISE), FORCE_NOISE)
@@ -37,7 +38,7 @@ def test_starts_lie_within_the_samples_of_the_mechanics(simulated):
     sensor, law = simulated[0], simulated[0].mechanics
     corner = np.array([[law.reach, law.reach, -0.3 * law.sink]])
     start = sensor.starts(sensor.unknowns.mean, sensor.predict(sensor.unknowns.mean, corner, np.zeros(1)))
-    assert 0.8 * law.reach < np.hypot(*start[0, :2]) <= law.reach * (1 + 1e-9)
+    assert 0.6 * law.reach < np.hypot(*start[0, :2]) <= law.reach * (1 + 1e-9)
 
 
 def rows_of(sensor, theta, shift, rng, noise=1.0):
@@ -64,7 +65,7 @@ def test_a_sensor_far_from_its_priors_is_found():
     """Gains off by a quarter, a modulus by an eighth: exact readings lead from there into a wrong minimum."""
     lengths = {"D": 8.3, "L": 7.5, "f": 5.4, "magnet_diameter": 5.0, "magnet_height": 3.0, "l0": 4.6, "c": 1.25}
     design = paper(E=2.46, remanence=1.45, hall_gain=14.0, **lengths)
-    law, _, _ = calibration_study.mechanics_of(design, None)
+    law = mechanics_sources.of_surrogate(design).law
     names = ("S1", "S2", "S3")
     made = bench_file.Bench(pd.DataFrame({"run": ["a"] * 12}), names, [])
     un = sensor_fit.unknowns_of(design, made, tolerances(E=30.0, hall_gain=25.0))
@@ -88,7 +89,7 @@ def test_a_single_chip_may_lie_beside_its_place():
     un = sensor_fit.unknowns_of(
         design, bench_file.Bench(pd.DataFrame({"run": ["a"]}), names, []), tolerances(chip_null=0.0)
     )
-    law, _, _ = calibration_study.mechanics_of(design, None)
+    law = mechanics_sources.of_surrogate(design).law
     sensor = sensor_fit.Sensor(design, law, un, np.full(3, 3e-6), 0.02)
     leaning = np.array([[-0.3, 0.2, -0.1], [0.0, 0.0, -0.1]])
     moved = np.zeros((2, len(un.names)))
@@ -102,7 +103,7 @@ def test_a_single_chip_may_lie_beside_its_place():
 def test_mechanics_of_a_calibration_follow_loads_that_friction_holds():
     """Sheared farther the press force falls, and polynomials that rise missed all of it: 22 % of the range here."""
     design = Design(D=5.1, L=5.2, E=1.81, l0=4.2, hall_layout="tmag5273a1")
-    law, _, _ = calibration_study.mechanics_of(design, None)
+    law = mechanics_sources.of_surrogate(design).law
     assert law.errors[2] < 0.01 * 5.0  # N, of 5 N required
     assert law.errors[1] < 0.01 * 1.5
 
@@ -203,7 +204,7 @@ def test_the_decoder_of_an_estimated_sensor_inverts_what_it_predicts(layout):
     chips = {"chip_count": 2, "chip_x": 3} if layout != "three" else {}
     design = dataclasses.replace(paper(), hall_layout=layout, **chips)
     rng = np.random.default_rng(4)
-    law, _, _ = calibration_study.mechanics_of(design, None)
+    law = mechanics_sources.of_surrogate(design).law
     names = parts.columns(parts.of_design(design))
     table = pd.DataFrame({name: np.ones(1) for name in (*names, "Fz_N", "temperature_C")} | {"run": "a"})
     un = sensor_fit.unknowns_of(design, bench_file.Bench(table, tuple(names), []), tolerances())

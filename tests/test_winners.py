@@ -9,17 +9,23 @@ from analytic.hall import field_at
 from geometry.design import paper
 from studies.validation import winners
 
+pytestmark = pytest.mark.calibrates
+
 ROOT = Path(__file__).resolve().parent.parent
 
 
 def test_a_sized_sensor_is_calibrated_within_its_promise():
-    """Its modulus is 14 % below the nominal one, its readings have steps and come from another code."""
-    row = winners.judged(str(ROOT / "results" / "sizing" / "surgical_probe" / "winner.toml"), 11)
+    """Its modulus is 8 % above the nominal one, its readings have steps and come from another code.
+
+    It is short and wide: with the mechanics of the surrogate, its forces at rest and under light presses are 4 % of
+    the largest one too high.
+    """
+    row = winners.judged("foot", 12)
     assert row["refused"] == ""
-    assert row["E_over_nominal"] < 0.9
+    assert row["E_over_nominal"] > 1.05
     assert row["largest_percent"] < row["promised_percent"] < 5.0
-    assert min(row[f"inside_{axis}_percent"] for axis in "xyz") >= 70.0  # of twenty rows of one sensor
-    assert (row["rows"], row["lost"]) == (20, 0)
+    assert min(row[f"inside_{axis}_percent"] for axis in "xyz") >= 70.0  # of the rows of one sensor
+    assert (row["rows"], row["lost"]) == (35, 0)
     assert row["regression_over_held_out"] > 1.5
 
 

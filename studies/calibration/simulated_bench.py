@@ -92,6 +92,9 @@ class States:
     turn: Array
 
 
+REST = States(np.zeros((1, 3)), np.zeros((1, 3)), np.zeros((1, 2)))
+
+
 def run(
     design: Design,
     made: Tolerances,
@@ -265,8 +268,8 @@ def pressed(design: Design, load: Array, accuracy: Accuracy, progress: Progress)
     solves = []
     for k, (depth, shear) in enumerate(unique.tolist()):
         progress(k / len(unique), f"state {k + 1} of {len(unique)}")
-        pressing = Load(depth, shear, friction="stick") if shear else Load(depth)
-        solves.append(solved(design, [pressing], accuracy) if depth else States(*np.zeros((2, 1, 3)), np.zeros((1, 2))))
+        one = Load(depth, shear, friction="stick") if shear else Load(depth)
+        solves.append(solved(design, [one], accuracy) if depth else REST)
     c, s = load[:, 1:].T / np.where(sizes[:, 1] > 0, sizes[:, 1], 1.0)
     c = np.where(sizes[:, 1] > 0, c, 1.0)
 

@@ -41,8 +41,7 @@ WINNER = "winner.toml"
 SENSORS, SEED, WORKERS = 2, 11, 2
 """Made sensors of each design, seed of the first one, and processes."""
 UNSEEN = ((0.0, 0.0), (0.05, 0.5), (0.15, 0.0), (0.35, 0.5), (0.6, 0.3), (0.8, 0.9), (0.95, 0.6))
-"""Shares of the required press, and of the largest force along the plate under it, of the loads that are decoded: from
-rest on."""
+"""Shares of the required press, and of the largest force along the plate under it, of the decoded loads."""
 TURNS = (20.0, 110.0, 200.0, 290.0, 335.0)
 """Their directions, deg: between the multiples of 45 of a plan."""
 LEAST = 80.0
