@@ -99,7 +99,7 @@ def test_a_rehearsal_goes_from_plan_to_decoded_forces(run, monkeypatch, tmp_path
     status, text, err = run("calibrate", "paper", *options, "bench/bench.csv", "--out", "found", "--json")
     assert status == 0, err
     status, _, err = run(
-        "decode", "paper", *options, "--set", "loss_factor=0", "--calibration", "found/calibration.json",
+        "decode", "paper", *options, "--calibration", "found/calibration.json",
         "--file", "bench/recording.csv", "--out", "forces.csv",
     )  # fmt: skip
     assert status == 0, err

@@ -9,7 +9,8 @@ one's E has them by the mechanics of the plan, or, where these end before, to th
 there differ by what nu, magnet and the mechanics' error change, some percent. Its depth counts from a zero of its
 own, and contains that it gives way.
 
-Limits: the silicone is elastic, the plate neither slips nor tilts, and nothing but the magnet makes a field.
+Limits: presses of the bench are slow, in the recording the silicone relaxes as the design's does; the plate neither
+slips nor tilts, and nothing but the magnet makes a field.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ import numpy as np
 from analytic import parts
 from analytic.hall import averaged, field_at, means_over_plates, plates_of, rotated
 from analytic.inverse.response_surface import force_and_load, shifts_of_forces, workspace
+from analytic.time_series import RelaxingForce
 from fem.accuracy import QUICK, Accuracy, level
 from fem.equilibrium import trace
 from geometry.arrays import Array
@@ -54,7 +56,7 @@ TRUE, MOVED = [f"true_{name}" for name in FORCES], [f"true_{name}" for name in M
 FILES = ("plan.csv", "bench.csv", "recording.csv")
 """Files of the study; the last two of a simulated bench only, so that none of another sensor stays beside a plan."""
 AT_REST, STATES, STEP = 20, 60, 5.0
-"""Rows of a recording at rest and under load, and seconds between them: slow, so that each row has relaxed."""
+"""Rows of a recording at rest and under load, and seconds between them."""
 RECORDED, DIRECTION = 0.8, 40.0
 """Share of the largest planned forces to which a recording goes, and its direction, deg: between those of a plan."""
 FieldCode = Callable[[Array, Design, Array, Array], Array]
@@ -208,7 +210,7 @@ def bench(plan: Plan, made: MadeSensors, stand: Stand, seed: int, progress: Prog
 
 
 def recording(plan: Plan, made: MadeSensors, stand: Stand, seed: int, progress: Progress) -> pd.DataFrame:
-    """Return readings over time, from rest to a press and a shear, and the true forces; see `bench`."""
+    """Return readings over time, from rest to a press and a shear, and the true forces, which relax; see `bench`."""
     import pandas as pd
 
     design, rng = _design_of(made), np.random.default_rng([seed, 1])
@@ -225,7 +227,11 @@ def recording(plan: Plan, made: MadeSensors, stand: Stand, seed: int, progress: 
     found = solved(design, loads, stand.accuracy, progress)
     found = States(*(np.vstack([np.zeros((AT_REST, v.shape[1])), v]) for v in (found.force, found.shift, found.turn)))
     times = STEP * np.arange(len(found.force))[:, None]
-    rows = np.hstack([times, readings(made, found, stand, rng), found.force])
+    moved = np.vstack([np.zeros((AT_REST, 2)), [[load.shear_x, load.shear_y] for load in loads]])
+    law = RelaxingForce(design)
+    steps = zip(times.ravel().tolist(), found.force, moved, strict=True)
+    force = np.array([law.step(*step) for step in steps])
+    rows = np.hstack([times, readings(made, found, stand, rng), force])
     return pd.DataFrame(rows, columns=["time_s", *columns(design), *TRUE])
 
 
