@@ -6,9 +6,8 @@ theta moves the shift s that explains the readings best, so that the decoded for
     dF = (dF/dtheta - dF/ds A^-1 J' W dr/dtheta) dtheta,     A = J' W J,   J = dr/ds,
 
 with readings r and their weights W, and by the readings' noise, with the variance dF/ds A^-1 dF/ds'. A temperature T
-that is not known (NaN) is taken for T_0, and moves the force in the same way, by dr/dT times `UNKNOWN`. What the
-mechanics miss is twofold: their polynomials by their errors at the samples, and the model of these samples by
-`MISSED` of the force, which differs between the states of a beam, so that no unknown follows it.
+that is not known (NaN) is taken for T_0, and moves the force in the same way, by dr/dT times `UNKNOWN`. Polynomials
+of the mechanics add half of their largest errors at the samples.
 """
 
 from __future__ import annotations
@@ -31,12 +30,6 @@ from studies.calibration.sensor_fit import QUANTILE, Fit, Sensor, condensed, lin
 
 UNKNOWN = 20.0
 """Standard deviation of a temperature that is not known, K: 90 % of sensors in use are within 33 K of T_0."""
-MISSED = np.array([0.0015, 0.0015, 0.0027])
-"""Standard deviation of what the model of the mechanics misses of forces along x, y and z, relative, beside a factor
-that all states of a beam share: those of the surrogate on unseen beams at a given shift of the magnet, 0.15 % of the
-force along a shear and 0.27 % of the press force over presses and shears (`error_percent` of `magtip validate
-surrogate` in results/surrogate/errors.csv, deeper than 0.05 D: of the force, less that of the shift times the slope
-of the force, less its mean for each beam). Of magnets nearly as wide as the beam it is more: 1 % for 3 in 3.8 mm."""
 ANGLES = (0.0, 45.0, 90.0, 135.0, 180.0, 225.0, 270.0, 315.0)
 """Directions of forces along the plate that are tried, deg: those that a person can set."""
 
@@ -189,14 +182,13 @@ def variance_shares(found: Fit) -> dict[str, float]:
 def _variances(found: Fit, shift: Array, warmer: Array, *, zeroed: bool) -> tuple[Array, Array, Array]:
     """Return, of forces that readings at shifts (n, 3) give, their slopes by free unknowns (n, 3, f), and variances
     (n, 3), N^2: by noise and an unknown temperature, and by what the mechanics miss."""
-    cold, count, errors = np.isnan(warmer), len(found.sensor.noise), found.sensor.mechanics.errors
+    cold, errors = np.isnan(warmer), found.sensor.mechanics.errors
     warmer = np.nan_to_num(warmer)
     slope, by_K, noise = _decoding_slopes(found.sensor, found.theta, shift, warmer, zeroed=zeroed)
     noise = found.growth * noise
     noise[cold] += np.square(UNKNOWN * by_K[cold])
-    force = found.sensor.predict(found.theta, shift, warmer)[:, count : count + 3]
-    missed = np.square(np.array([errors[1], errors[1], errors[2]]) / 2) + np.square(MISSED * force)
-    return slope, noise, missed
+    missed = np.square(np.array([errors[1], errors[1], errors[2]]) / 2)
+    return slope, noise, np.broadcast_to(missed, noise.shape)
 
 
 def _decoding_slopes(

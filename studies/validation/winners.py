@@ -99,7 +99,7 @@ def judged(source: str, seed: int) -> Row:
     design, needed = read_design(source, []), stated_requirements(source)
     made = parse_tolerances([], design, source)
     plan = press_plan.plan(design, made, needed)
-    sensor = sold_sensors(design, 1, seed, parts_of_file(design, source))
+    sensor = sold_sensors(design, 1, seed, parts_of_file(design, source), made)
     stand = Stand(plan.sensor.force_noise, field=magpylib_field)
     row: Row = {
         "E_over_nominal": float(sensor.fields["E"][0]) / design.E,
