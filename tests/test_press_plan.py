@@ -92,7 +92,6 @@ def test_a_rehearsal_goes_from_plan_to_decoded_forces(run, monkeypatch, tmp_path
     record = json.loads(text)
     assert len(record["presses"]) == 1 + press_plan.PRESSES
     assert record["made"]["E_MPa"] != 1.0
-    assert "the simulated silicone does not relax: decode recording.csv with --set loss_factor=0" in err
     assert {path.name for path in (tmp_path / "bench").glob("[!.]*")} == {
         "plan.csv", "bench.csv", "recording.csv", "run.json",
     }  # fmt: skip

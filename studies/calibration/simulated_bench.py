@@ -34,7 +34,6 @@ from geometry.bad_input import SolveFailed
 from geometry.design import BadInput, Design
 from geometry.loads import ANSWERED, Load
 from geometry.messages import Progress
-from geometry.relaxation import relaxation_of
 from studies.calibration import press_plan
 from studies.calibration.bench_file import FORCES, MOTIONS
 from studies.calibration.press_plan import Plan
@@ -125,7 +124,7 @@ def run(
         design, made, needed, count=options.presses, responses=options.responses, force_noise=options.force_noise
     )
     tables: dict[str, Rows] = {"plan": plan.rows()}
-    record, remarks = plan.record(), list[str]()
+    record = plan.record()
     if options.simulate:
         stand = dataclasses.replace(stand, force_noise=plan.sensor.force_noise)
         one = sold_sensors(design, 1, options.seed, bought, made)
@@ -136,16 +135,12 @@ def run(
             "recording": slow.to_dict("records"),
         }
         record["made"] = made_record(one)
-        if relaxation_of(design).times:
-            elastic = "prony= --set loss_factor=0" if design.prony else "loss_factor=0"
-            remarks.append(f"the simulated silicone does not relax: decode recording.csv with --set {elastic}")
     return Result(
         title="Press plan",
         records=[record],
         shown=[Table(title="Press plan", rows=plan.shown()), *plan.sentences()],
         tables=tables,
         warnings=plan.warnings(),
-        remarks=remarks,
         design=dataclasses.asdict(design),
     )
 
