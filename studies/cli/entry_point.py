@@ -21,6 +21,9 @@ def main(tokens: list[str] | None = None) -> int:
         atexit.register(lambda: _end_at_once(status))
         # imports make a million objects that stay: looking through them every 700 takes a twelfth of a short solve
         gc.set_threshold(10_000)
+        # dense matrices of a solve are small: more threads of OpenBLAS cost 0.2 s of CPU and save no time. It reads
+        # this when NumPy is imported; PARDISO and compiled loops keep their threads
+        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     with _interrupt_at_once():
         from studies import deferred_modules
         from studies.cli import commands
