@@ -277,6 +277,10 @@ def test_a_plot_has_units_bars_and_a_mark_for_each_answer(ask, tmp_path):
     size = np.hypot(found["surrogate_shift_z_mm"], found["surrogate_shift_x_mm"]) * found["shift_error_estimate"]
     assert sorted((shift["high"] - shift["low"]).dropna() / 2) == pytest.approx(sorted(size.dropna()))
     assert set(shift["series"]) == {"E = 1 MPa", "E = 2 MPa"}
+    # samples are points, which no line joins
+    samples = pd.DataFrame(np.random.default_rng(0).random((9, 2)) + 0.5, columns=["depth_mm", "E_MPa"])
+    drawn = plot(ask(samples, quantities=["force"]), "depth_mm", "force_N").to_dict()
+    assert [layer["mark"]["type"] for layer in drawn["layer"]] == ["point"]
     # a file of the table has lost what belongs to which model, but for the names of the columns
     found.to_csv(tmp_path / "answers.csv")
     read = plot(pd.read_csv(tmp_path / "answers.csv"), "depth_mm", ["surrogate_force_x_N", "measured_N"]).data

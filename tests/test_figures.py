@@ -68,7 +68,7 @@ def test_many_points_are_thinned_with_a_sentence_and_keep_their_extremes():
     assert len(drawn) <= figures.MOST_MARKS
     assert {int(y.argmax()), int(y.argmin()), 0, 4999} <= set(drawn)
     assert thin.notes == (
-        f"{len(drawn)} of 5000 points are drawn, evenly chosen from each series; the CSV has all of them.",
+        f"{len(drawn)} of 5000 points are drawn, evenly chosen from each series; the table has all of them.",
     )
 
 

@@ -596,5 +596,7 @@ def _thinned(data: pd.DataFrame, y: str, look: Look) -> tuple[pd.DataFrame, tupl
         known = rows[np.isfinite(numbers[rows])]
         if len(known):
             drawn[known[[numbers[known].argmin(), numbers[known].argmax()]]] = True
-    note = f"{drawn.sum()} of {len(data)} points are drawn, evenly chosen from each series; the CSV has all of them."
+    note = (
+        f"{drawn.sum()} of {len(data)} points are drawn, evenly chosen from each series; the table has all of them."
+    )
     return data.assign(drawn=drawn), (note,)

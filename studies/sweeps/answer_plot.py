@@ -33,8 +33,9 @@ BARS = "Bars, where longer than the marker: estimated errors of finite elements,
 def plot(answers: pd.DataFrame, x: str, y: str | Sequence[str], color: str = "") -> alt.LayerChart:
     """Return a chart of answers, with units at its axes and bars for the errors that the table states.
 
-    A line joins the points of each model if each has one value for each x. Open markers are states that are unstable
-    or not known to be stable, and crosses cases without an answer; a sentence below the chart says so.
+    A line joins the points of each model if each has one value for each x, and these are no samples. Open markers are
+    states that are unstable or not known to be stable, crosses are cases without an answer; a sentence below the
+    chart says so.
 
     Parameters
     ----------
@@ -74,7 +75,8 @@ def plot(answers: pd.DataFrame, x: str, y: str | Sequence[str], color: str = "")
         raise BadInput(f"no row has an answer for {' and '.join(names)}: see the columns status and message")
     keys = [*axes, "model"]
     numeric = tidy[x].dtype.kind in "fiu"
-    joined = numeric and not tidy.duplicated(keys).any()
+    varying = [axis for axis in study.axes if answers[axis].nunique() > 1]
+    joined = numeric and not tidy.duplicated(keys).any() and not sweep_figures.is_sampled(answers, varying)
     tidy = tidy.sort_values(x, kind="stable") if joined else tidy
     shown = pd.DataFrame({quantity_name(x): tidy[x], label: tidy["value"]})
     shown = shown.assign(**{flag: tidy[flag] for flag in ("failed", "open") if tidy[flag].any()})
@@ -90,6 +92,10 @@ def plot(answers: pd.DataFrame, x: str, y: str | Sequence[str], color: str = "")
     said += [*sweep_figures.marked(tidy, maps=False), *sweep_figures.unanswered(tidy)]
     said += [*sweep_figures.failures(answers), *figure.notes]
     chart = figure.chart.properties(title=figures.foot(said)) if said else figure.chart
+    if "drawn" in chart.data and not joined:
+        # Altair refuses to show more than 5000 rows
+        failed = chart.data.get("failed", False)
+        chart = chart.properties(data=chart.data[chart.data["drawn"] | failed])
     configured: alt.LayerChart = chart.configure(**THEME)
     return configured
 
@@ -115,7 +121,7 @@ def _columns_of(answers: pd.DataFrame) -> SweepColumns:
     record = answers.attrs.get("columns")
     if not isinstance(record, Mapping):
         return SweepColumns.of_table(answers.columns)
-    return SweepColumns.of_record({**record, "axes": []}, answers.columns)
+    return SweepColumns.of_record({**record, "axes": [a for a in record["axes"] if a in answers]}, answers.columns)
 
 
 def _label(names: Sequence[str], study: SweepColumns) -> str:
