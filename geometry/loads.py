@@ -7,7 +7,7 @@ import dataclasses
 import math
 import numbers
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal, Self, TypeVar, get_args
 
 from geometry.bad_input import BadInput, known_fields
@@ -28,6 +28,21 @@ STEEPEST = 0.7
 """Largest tilt of a plate, rad: a steeper plate touches the cylindrical wall of the beam soon after the dome."""
 
 
+def _of_load(
+    default: Any,
+    unit: str,
+    text: str,
+    *,
+    low: float = -math.inf,
+    high: float = math.inf,
+    open_low: bool = False,
+    names: tuple[str, ...] = (),
+    column: str = "",
+) -> Any:
+    about = {"unit": unit, "text": text, "low": low, "high": high, "open_low": open_low, "names": names}
+    return field(default=default, metadata={**about, "column": column})
+
+
 @known_fields
 @dataclass(frozen=True, slots=True)
 class Load:
@@ -46,6 +61,10 @@ class Load:
     grip : height of the held part of the tip, mm. There is no plate: every surface point within this height of the
         tip moves sideways by the shear, and u_z is free.
 
+    The metadata of a field are what tables, options and pages take: the unit there (angles in degrees), the range of
+    its numbers (`open_low`: without the lower bound), names beside numbers, a description, and its name there
+    (`column`) if that is another one.
+
     Raises
     ------
     BadInput
@@ -55,13 +74,34 @@ class Load:
     True
     """
 
-    depth: float = 0.0
-    shear_x: float = 0.0
-    shear_y: float = 0.0
-    friction: float | Literal["none", "stick"] = "none"
-    grip: float | None = None
-    plate_tilt: float = 0.0
-    imperfection: float = 0.0
+    depth: float = _of_load(0.0, "mm", "travel of the plate after first touch", low=0.0, open_low=True)
+    shear_x: float = _of_load(0.0, "mm", "displacement of the plate or the grip along x", column="shear")
+    shear_y: float = _of_load(0.0, "mm", "displacement of the plate or the grip along y")
+    friction: float | Literal["none", "stick"] = _of_load(
+        "none",
+        "1",
+        "friction of the plate: none, stick (during a shear the contact area sticks to the plate), or a Coulomb "
+        "coefficient, from first touch on",
+        low=0.0,
+        names=("none", "stick"),
+    )
+    grip: float | None = _of_load(
+        None,
+        "mm",
+        "height below the tip within which a grip, in place of the plate, holds all surface points",
+        low=0.0,
+        open_low=True,
+    )
+    plate_tilt: float = _of_load(
+        0.0,
+        "deg",
+        "rotation of the plate about y; positive values turn its normal from z towards x",
+        low=-float(math.floor(math.degrees(STEEPEST))),
+        high=float(math.floor(math.degrees(STEEPEST))),
+    )
+    imperfection: float = _of_load(
+        0.0, "N", "dead force on the dome along x; it selects the direction in which a press buckles"
+    )
 
     def __post_init__(self) -> None:
         for spec in dataclasses.fields(self):

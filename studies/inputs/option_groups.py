@@ -12,6 +12,7 @@ from cyclopts import Parameter, Token
 
 from geometry.design import BadInput
 from geometry.loads import Magnet, Waveform
+from studies.inputs.study_input import load_help
 from studies.inputs.user_input import AccuracyName
 
 _T = TypeVar("_T")
@@ -28,9 +29,12 @@ def _whole(type_: object, tokens: Sequence[Token]) -> int:
 
 
 Whole = Annotated[int, Parameter(converter=_whole, n_tokens=1)]
-DEPTH = Parameter(help="Travel of the plate after first touch, mm.")
-SHEAR = Parameter(help="Displacement of the plate or the grip along x, mm.")
-SHEAR_Y = Parameter(help="Displacement of the plate or the grip along y, mm.")
+DEPTH = Parameter(help=load_help("depth"))
+SHEAR = Parameter(help=load_help("shear"))
+SHEAR_Y = Parameter(help=load_help("shear_y"))
+PLATE_TILT = Parameter(help=load_help("plate_tilt"))
+GRIP = Parameter(help=load_help("grip"))
+FRICTION = Parameter(help=load_help("friction", "default: none for a press, stick for a shear"))
 MAGNET = Parameter(help="Rigid body, or ignored (the whole beam is silicone).")
 LEVEL = Parameter(
     help="Model of the field: exact; paper, its equation (3); paper-printed, the same with its misprint; dipole."
@@ -98,15 +102,10 @@ class Motion:
     place; default: 1."""
     shear: Annotated[float | None, SHEAR] = None
     shear_y: Annotated[float | None, SHEAR_Y] = None
-    plate_tilt: float = 0.0
-    """Rotation of the plate about y, degrees; positive values turn its normal from z towards x."""
-    imperfection: float = 0.0
-    """Dead force on the dome along x, N; it selects the direction in which a press buckles."""
-    friction: str | None = None
-    """none, stick (during a shear the contact area sticks to the plate), or a Coulomb coefficient, from first touch
-    on; default: none for a press, stick for a shear."""
-    grip: float | None = None
-    """Replace the plate by a grip that holds all surface points within this height of the tip, mm."""
+    plate_tilt: Annotated[float, PLATE_TILT] = 0.0
+    imperfection: Annotated[float, Parameter(help=load_help("imperfection"))] = 0.0
+    friction: Annotated[str | None, FRICTION] = None
+    grip: Annotated[float | None, GRIP] = None
 
 
 @_options
@@ -179,7 +178,7 @@ class Selection:
 class Vibration:
     """State at rest of a sensor, and the frequencies at which it vibrates."""
 
-    depth: Annotated[float | None, Parameter(help="Travel of the plate after first touch, mm; default: 1.")] = None
+    depth: Annotated[float | None, Parameter(help=load_help("depth", "default: 1"))] = None
     shear: Annotated[float, SHEAR] = 0.0
     frequencies: str = "1:1000"
     """Lowest and highest frequency, LOW:HIGH, Hz."""
@@ -189,10 +188,8 @@ class Vibration:
     friction: str | None = None
     """stick (the default): the contact area is glued to the plate; none: the plate slides, and moves along z only; a
     Coulomb coefficient, from first touch on: the points in touch stick to the plate that vibrates."""
-    plate_tilt: float = 0.0
-    """Tilt of the plate's normal from z towards x, degrees."""
-    grip: float | None = None
-    """In place of the plate, hold the skin down to this depth below the top, mm; it moves along x."""
+    plate_tilt: Annotated[float, PLATE_TILT] = 0.0
+    grip: Annotated[float | None, GRIP] = None
     magnet: Annotated[Magnet, MAGNET] = "rigid"
     accuracy: Annotated[AccuracyName, ACCURACY] = "standard"
     extrapolate: bool = False
@@ -216,9 +213,7 @@ class Cycle:
     """Rest of the plate at each end of the stroke, s."""
     shear: float = 0.0
     """After the press, shear the tip along x between plus and minus this, mm; the depth stays."""
-    friction: str | None = None
-    """none, stick (during a shear the contact area sticks to the plate), or a Coulomb coefficient, from first touch
-    on; default: none for a press, stick for a shear."""
+    friction: Annotated[str | None, FRICTION] = None
     second_law: bool = False
     """Also follow the motion by the law for large rates (Reese and Govindjee), and print the difference."""
     gap: float | None = None

@@ -31,6 +31,7 @@ name it; lengths may be given over the diameter, such as "L/D" and "depth/D". It
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -39,7 +40,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 
 from geometry.bad_input import nearest
 from geometry.design import PRESETS, BadInput, Design
-from geometry.loads import Magnet
+from geometry.loads import Load, Magnet
 from studies.inputs import user_input
 from studies.inputs.user_input import FIELDS, AccuracyName, Value
 
@@ -94,19 +95,17 @@ DESIGN = {
     if "choices" in spec.metadata or "low" in spec.metadata
 } | {"prony": Quantity("1", is_number=False, text=True)}
 """Fields of a design that can vary: all but the name of the silicone."""
+LOADS = {spec.metadata["column"] or spec.name: spec for spec in dataclasses.fields(Load)}
+"""Fields of `geometry.loads.Load` by the names of axes, columns and options: `shear` is that along x."""
 LOAD = {
-    "depth": Quantity("mm", 0.0, open_low=True),
-    "shear": Quantity("mm"),
-    "shear_y": Quantity("mm"),
-    "plate_tilt": Quantity("deg", -40.0, 40.0),
-    "grip": Quantity("mm", 0.0, open_low=True),
-    "friction": Quantity("1", 0.0, names=("none", "stick")),
-    "imperfection": Quantity("N"),
+    name: Quantity(known["unit"], known["low"], known["high"], known["names"], open_low=known["open_low"])
+    for name, known in ((name, spec.metadata) for name, spec in LOADS.items())
+} | {
     "frequency": Quantity("Hz", 0.0, open_low=True),
     "speed": Quantity("mm/s", 0.0, open_low=True),
 }
-"""Fields of a load, see `geometry.loads.Load`; `shear` is along x, and the tilt of the plate is in degrees. Frequency
-and speed say how fast the plate moves (`studies.mechanics.timed_quantities`)."""
+"""What loads a sensor, from the metadata of `Load`, in which the tilt of the plate is in degrees. Frequency and speed
+say how fast the plate moves (`studies.mechanics.timed_quantities`)."""
 METHOD = {"magnet": Quantity("1", names=("rigid", "ignored"), is_number=False)}
 """Choices of the finite elements that can vary. Models are no axis: a study sets them side by side in a row."""
 OVER_D = {
@@ -121,6 +120,18 @@ COMMON = ("D", "L", "f", "E", "depth", "shear")
 """Axes that messages name as examples."""
 UNITS = {"1": "", "V/T": "_V_per_T", "V/sqrt(Hz)": "_V_per_sqrtHz", "kg/m3": "_kg_per_m3", "mm/s": "_mm_per_s"}
 """Last part of a column's name for units that cannot stand there as they are."""
+
+
+def load_help(name: str, default: str = "") -> str:
+    """Return the help on an option for a field of a load, with its unit.
+
+    >>> load_help("depth", "default: 1")
+    'Travel of the plate after first touch, mm; default: 1.'
+    """
+    known = LOADS[name].metadata
+    head, *rest = known["text"].split("; ")
+    head = head if known["unit"] == "1" else f"{head}, {known['unit']}"
+    return "; ".join([head[0].upper() + head[1:], *rest, *([default] if default else [])]) + "."
 
 
 def column(name: str) -> str:

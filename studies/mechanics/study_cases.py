@@ -30,7 +30,7 @@ from geometry.bad_input import closest
 from geometry.design import OF_TIME, BadInput, Design
 from geometry.loads import Load, Magnet, check_load
 from studies.inputs import study_input, user_input
-from studies.inputs.study_input import DESIGN, LOAD, Factor, QuantityName
+from studies.inputs.study_input import DESIGN, LOAD, LOADS, Factor, QuantityName
 from studies.inputs.user_input import Value
 from studies.mechanics.path_solver import KINDS
 from studies.mechanics.timed_quantities import STILL, TIMED, PlateMotion, check_motion, motion_of
@@ -322,16 +322,14 @@ def load_of(values: Mapping[str, Value]) -> Load:
     grip = number.get("grip")
     # a table of grips and presses has no number where the plate grips nothing
     grip = None if grip is None or math.isnan(grip) else grip
-    shear, shear_y = number.get("shear", 0.0), number.get("shear_y", 0.0)
-    stick = bool(shear or shear_y) and grip is None
+    stick = bool(number.get("shear", 0.0) or number.get("shear_y", 0.0)) and grip is None
+    fields = {"friction": "stick" if stick else "none"} | number | {"grip": grip}
     return Load(
-        depth=number.get("depth", 0.0),
-        shear_x=shear,
-        shear_y=shear_y,
-        friction=number.get("friction", "stick" if stick else "none"),
-        grip=grip,
-        plate_tilt=math.radians(number.get("plate_tilt", 0.0)),
-        imperfection=number.get("imperfection", 0.0),
+        **{
+            spec.name: math.radians(fields[name]) if LOAD[name].unit == "deg" else fields[name]
+            for name, spec in LOADS.items()
+            if name in fields
+        }
     )
 
 

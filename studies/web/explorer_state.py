@@ -26,6 +26,7 @@ from geometry.design import LAWS, OF_ONE_LAYOUT, PRESETS, BadInput, Design, pres
 from geometry.loads import Load, Magnet
 from studies.inputs import user_input
 from studies.inputs.option_groups import Motion
+from studies.inputs.study_input import LOADS
 from studies.simulation import load_cases
 
 if TYPE_CHECKING:
@@ -233,8 +234,8 @@ def explorer_fields(design: Design, needed: Requirements | None = None) -> list[
     """Return the controls of load and design, in the order of the page; `value` is that of the design.
 
     Places, labels, sliders and steps are in `controls.csv`, with units, ranges and help of what is no field of a
-    design; those of a design's fields come from `Design`. A slider covers the part of a range that designers use, the
-    number field beside it takes the whole range.
+    design or load; those of their fields come from `Design` and `Load`. A slider covers the part of a range that
+    designers use, the number field beside it takes the whole range.
 
     >>> [(one["name"], one["unit"], one["value"]) for one in explorer_fields(Design())][:2]
     [('depth', 'mm', 1.0), ('shear', 'mm', 0.0)]
@@ -267,9 +268,18 @@ def explorer_fields(design: Design, needed: Requirements | None = None) -> list[
             else:
                 low, high = (float(row[key]) if row[key] else None for key in ("low", "high"))
                 value = row["value"] if name == "friction" else float(row["value"] or 0)
-                field |= {"scope": "load", "value": value, "low": low, "high": high, "needs": {}}
+                field |= {"scope": "load", "value": value, "low": low, "high": high, "needs": {}} | _of_load(row)
             fields.append(field | by_design.get(name, {}))
     return fields
+
+
+def _of_load(row: Mapping[str, str]) -> Field:
+    """Return unit, range and help of a field of `Load`; the page's shear has a direction, and a help of its own."""
+    if row["name"] not in LOADS:
+        return {}
+    known = LOADS[row["name"]].metadata
+    limits = {key: known[key] if math.isfinite(known[key]) else None for key in ("low", "high")}
+    return limits | {"unit": "" if known["unit"] == "1" else known["unit"], "help": row["help"] or known["text"]}
 
 
 def _of_design(spec: dataclasses.Field[Any]) -> Field:
