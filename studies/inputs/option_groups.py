@@ -12,7 +12,7 @@ from cyclopts import Parameter, Token
 
 from geometry.design import BadInput
 from geometry.loads import Magnet, Waveform
-from studies.inputs.study_input import load_help
+from studies.inputs.study_input import LOAD, load_help
 from studies.inputs.user_input import AccuracyName
 
 _T = TypeVar("_T")
@@ -67,6 +67,11 @@ Mode = Annotated[
     Literal["component", "magnitude"],
     Parameter(help="Reading of an element: component B.n, or magnitude |B| as in the paper."),
 ]
+AXIS = Parameter(
+    help="Values NAME=a,b,c or NAME=lin:START:STOP:COUNT or NAME=log:START:STOP:COUNT of a field of the design (D, "
+    f"L, E, nu, law, ...), of the load ({', '.join(LOAD)}) or of magnet; lengths also over the diameter, as L/D and "
+    "depth/D; repeatable."
+)
 TEMPERATURE = Parameter(
     help="Temperature of the readings, C, for a --calibration whose bench had temperatures; default: that beside the "
     "readings, or unknown, which widens the intervals."
@@ -403,10 +408,7 @@ class Fabrication:
 class Sweep:
     """What varies in a sweep, and what is computed."""
 
-    axis: list[str] | None = None
-    """Values NAME=a,b,c or NAME=lin:START:STOP:COUNT or NAME=log:START:STOP:COUNT of a field of the design (D, L, E,
-    nu, law, ...), of the load (depth, shear, shear_y, friction, grip, plate_tilt, imperfection, frequency, speed) or
-    of magnet; lengths also over the diameter, as L/D and depth/D; repeatable."""
+    axis: Annotated[list[str] | None, AXIS] = None
     load: list[str] | None = None
     """Field of the load that does not vary, NAME=VALUE, such as shear=1 or friction=0.5; repeatable."""
     design: str | None = None
