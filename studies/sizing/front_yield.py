@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geometry.arrays import Array, Ints
+from geometry.bad_input import SolveFailed
 from geometry.design import BadInput, Design
 from geometry.loads import ANSWERED, Load
 from studies.calibration import calibrated_forces, press_plan
@@ -389,7 +390,7 @@ def after_presses(
             found, loads = calibration, press_plan.loads_of(requirements)
             reached, _, _ = calibrated_forces.poses_under(found, loads)
             lost = not np.isfinite(reached).all()
-    except BadInput:
+    except (BadInput, SolveFailed):
         return unknown
     # the errors of a load whose pose is unknown may be the largest
     return unknown if lost else press_plan.largest_errors(found, reached, requirements, count, seed)

@@ -188,6 +188,7 @@ def result(rows: list[Row], *, quick: bool) -> Result:
     if len(done):
         table["refused"] = table.winner.map((frame.refused != "").groupby(frame.winner).sum())
     page: Row = {"table": pages.records(table), "sensors": len(frame), "designs": frame.winner.nunique()}
+    page["loads"] = len(UNSEEN) * len(TURNS)
     page["refusals"] = [
         f"{row['winner']}, sensor {row['sensor']}: {row['refused']}" for row in rows if row["refused"]
     ]
