@@ -8,7 +8,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -90,12 +90,15 @@ LAGS = np.linspace(-0.2, 0.2, 41)
 # Mechanics, sensor and lag
 
 
-def mechanics_of(design: Design, responses: Path | None) -> tuple[Mechanics, str, float]:
+def mechanics_of(
+    design: Design, responses: Path | None, solves: Mapping[str, Any] = {}
+) -> tuple[Mechanics, str, float]:
     """Return the mechanics of a design, their source, and the relative standard deviation of their forces.
 
     responses : states of finite elements; None for states that are solved now, and kept in the store: polynomials of
         these follow other states within 0.3 %, while the surrogate misses sheared presses of wide beams by up to
         14 %, which a fit would take for another modulus.
+    solves : store, workers and progress of `cases.answer` for these states.
 
     Raises
     ------
@@ -106,7 +109,7 @@ def mechanics_of(design: Design, responses: Path | None) -> tuple[Mechanics, str
         found = mechanics_sources.source_of(design, None, responses)
         return found.law, f"finite elements ({responses.name})", SOLVED_ERROR
     try:
-        found = mechanics_sources.of_finite_elements(design)
+        found = mechanics_sources.of_finite_elements(design, solves)
     except (BadInput, SolveFailed) as error:
         raise type(error)(f"{error}: give --responses, states that magtip solve --json printed") from None
     return found.law, mechanics_sources.in_words(found), SOLVED_ERROR
@@ -462,7 +465,7 @@ def run(
     Raises
     ------
     BadInput
-        The design has no magnet, no mechanics cover it, or an option or a file cannot be read.
+        The design has no magnet, or an option or a file cannot be read.
     """
     if not design.shape.has_magnet:
         raise BadInput("this design has no magnet (magnet_diameter is 0), so there is nothing to calibrate")
@@ -520,10 +523,10 @@ def _modelled(
     known : tolerances, and values of unknowns that are not estimated.
     other : command of the regression.
     """
-    progress(0.0, "mechanics")
     bench, measured, rows, force_noise = recorded.bench, recorded.measured, recorded.rows, options.force_noise
     made, values = known
-    law, source, error = mechanics_of(design, options.responses)
+    solves = {"progress": lambda share, text: progress(0.1 * share, text)}
+    law, source, error = mechanics_of(design, options.responses, solves)
     un = sensor_fit.unknowns_of(design, bench, made, freed=options.free or [], fixed=values, model_error=error)
     noise, noise_source = noise_of(design)
     k = len(noise)

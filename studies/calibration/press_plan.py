@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -154,15 +155,21 @@ class Plan:
 
 
 def sensor_of(
-    design: Design, made: Tolerances, *, responses: Path | None = None, force_noise: float = 1.0
+    design: Design,
+    made: Tolerances,
+    *,
+    responses: Path | None = None,
+    force_noise: float = 1.0,
+    solves: Mapping[str, Any] = {},
 ) -> tuple[Sensor, str]:
     """Return a design on a test stand with priors from tolerances, and where its mechanics come from.
 
     force_noise : standard deviation of a measured force, N.
+    responses, solves : see `calibration_study.mechanics_of`.
     """
     import pandas as pd
 
-    law, source, error = calibration_study.mechanics_of(design, responses)
+    law, source, error = calibration_study.mechanics_of(design, responses, solves)
     noise, _ = calibration_study.noise_of(design)
     empty = Bench(pd.DataFrame({"run": []}), tuple(parts.columns(parts.of_design(design))), [])
     un = sensor_fit.unknowns_of(design, empty, made, model_error=error)
@@ -177,6 +184,7 @@ def plan(
     count: int = PRESSES,
     responses: Path | None = None,
     force_noise: float | None = None,
+    solves: Mapping[str, Any] = {},
 ) -> Plan:
     """Return the presses that tell most about a made sensor of a design.
 
@@ -184,17 +192,17 @@ def plan(
     ----------
     made : tolerances of the sensor.
     needed : its requirements; None for usual loads.
-    responses : states of finite elements; None for the best source of mechanics that covers the design.
+    responses, solves : see `calibration_study.mechanics_of`.
     force_noise : standard deviation of a measured force, N; default: ASSUMED_NOISE of the largest one.
 
     Raises
     ------
-    BadInput
-        The design has no magnet, no mechanics cover it, or its loads are beyond them.
+    BadInput, SolveFailed
+        The design has no magnet, finite elements know too few of its states, or its loads are beyond them.
     """
     if not design.shape.has_magnet:
         raise BadInput("this design has no magnet (magnet_diameter is 0), so no bench of it has readings")
-    sensor, source = sensor_of(design, made, responses=responses)
+    sensor, source = sensor_of(design, made, responses=responses, solves=solves)
     words = "the table [requirements] of the design"
     if needed is None:
         needed, words = usual_loads(sensor)

@@ -121,8 +121,9 @@ def run(
     """
     stand = _stand_of(options)
     plan = press_plan.plan(
-        design, made, needed, count=options.presses, responses=options.responses, force_noise=options.force_noise
-    )
+        design, made, needed, count=options.presses, responses=options.responses, force_noise=options.force_noise,
+        solves={"progress": lambda share, text: progress(0.1 * share, text)},
+    )  # fmt: skip
     tables: dict[str, Rows] = {"plan": plan.rows()}
     record = plan.record()
     if options.simulate:

@@ -62,6 +62,10 @@ RESPONSES = Parameter(
     help="File of states printed by `magtip solve --json` (or `analytic --json`), one per line, for tilt and load "
     "instead of a --level."
 )
+STATES = Parameter(
+    help="File of states printed by `magtip solve --json`, for the mechanics; default: some 40 states of the design, "
+    "which are solved the first time and stay in the store."
+)
 NO_TILT = Parameter(help="Assume that the magnet does not tilt.")
 Mode = Annotated[
     Literal["component", "magnitude"],
@@ -274,9 +278,7 @@ class Decoding:
 class Calibrating:
     """What is known of a made sensor and its test stand."""
 
-    responses: Path | None = None
-    """File of states printed by `magtip solve --json`, for the mechanics; default: the surrogate, where it covers the
-    design, else finite elements, which are solved in half a minute and stay in the store."""
+    responses: Annotated[Path | None, STATES] = None
     columns: Annotated[list[str] | None, Parameter(name="--column")] = None
     """NAME=HEAD: the column that holds a reading or a force under another name, such as `S1=X0 [uT]`; a minus before
     the head reverses its numbers, such as `chip_x=-Y0 [uT]`; repeatable."""
@@ -304,9 +306,7 @@ class Planning:
 
     presses: Whole = 12
     """Number of presses of the plan."""
-    responses: Path | None = None
-    """File of states printed by `magtip solve --json`, for the mechanics; default: the surrogate, where it covers the
-    design, else finite elements, which are solved in half a minute and stay in the store."""
+    responses: Annotated[Path | None, STATES] = None
     tolerances: Annotated[list[str] | None, Parameter(name="--tolerance")] = None
     """NAME=VALUE: largest deviation of a built sensor, as in `sensitivity`; repeatable."""
     force_noise: float | None = None

@@ -41,7 +41,7 @@ def run(
 ) -> Result:
     """Evaluate the layout, and search, answer the claim and survey a range of loads if requested.
 
-    mechanics : gives the mechanics of the design, which may take half a minute.
+    mechanics : gives the mechanics of the design, which may take some seconds.
     """
     count = layout_search.USUAL if parts.count is None else parts.count
     if not 0 <= basis.clearance <= MOST_CLEARANCE:

@@ -5,7 +5,7 @@ glued shears that are solved at accuracy standard, or taken from the store; and 
 a design has the first of these that knows it:
 
 1. the surrogate, if beam, magnet, law and Poisson's ratio lie within its range;
-2. finite elements: some 40 states, half a minute on two cores the first time, then those of the store;
+2. finite elements: some 40 states, 5 to 15 s on two cores the first time, then those of the store;
 3. level finite of the formulas, within its range and for the law neo-Hookean, which is all that formulas know;
 4. level paper, whose press force is a third of the true one: with a warning.
 
@@ -16,10 +16,10 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -29,7 +29,6 @@ from geometry.bad_input import SolveFailed
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Response
 from studies.mechanics import surrogate_range, surrogate_response
-from studies.output import console
 from studies.sensing.decode_readings import RESPONSES, Source, of_file, of_level
 
 if TYPE_CHECKING:
@@ -147,10 +146,12 @@ def in_words(source: Source) -> str:
     return names.get(source.name, f"formulas of level {source.name}")
 
 
-def of_finite_elements(design: Design) -> Source:
+def of_finite_elements(design: Design, solves: Mapping[str, Any] = {}) -> Source:
     """Return the mechanics of presses and glued shears by finite elements at accuracy standard, kept in the store.
 
     Depths whose press is not known to be stable are left out.
+
+    solves : store, workers and progress of `cases.answer`; without a progress a bar of its own.
 
     Raises
     ------
@@ -165,8 +166,8 @@ def of_finite_elements(design: Design) -> Source:
     loads = _loads(design)
     asked = pd.DataFrame({"depth_mm": [load.depth for load in loads], "shear_mm": [load.shear_x for load in loads]})
     asked["friction"] = "stick"
-    with console.progress(as_json=False) as progress:
-        found = cases.answer(asked, [FEM], base=design, quantities=["force", "shift", "tilt"], progress=progress)
+    solves = {"progress": True} | dict(solves)
+    found = cases.answer(asked, [FEM], base=design, quantities=["force", "shift", "tilt"], **solves)
     stable = {
         load.depth for load, status in zip(loads, found["status"], strict=True) if status == "ok" and not load.shear
     }

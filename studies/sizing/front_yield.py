@@ -256,7 +256,8 @@ def yield_of(
     """Return the yield of a variant.
 
     calibration : of a made sensor of this variant, whose posterior takes the place of that of twelve presses.
-    solves : model, store and workers of `cases.answer` for the check by finite elements; empty for no check.
+    solves : model, store and workers of `cases.answer` for the check by finite elements; empty for no check. The
+        states of its mechanics have the same store and workers.
     """
     import pandas as pd
 
@@ -265,7 +266,8 @@ def yield_of(
     load = required_load(variant.design, requirements)
     calibrations = check = pd.DataFrame()
     if load is not None:
-        presses = after_presses(variant, requirements, calibration, len(sensors), seed)
+        of_mechanics = {name: value for name, value in solves.items() if name != "model"} | {"progress": None}
+        presses = after_presses(variant, requirements, calibration, len(sensors), seed, of_mechanics)
         calibrations = _calibrations(sensors, load, requirements, made.met, made.batch, presses)
         check = check_of(sensors, load, count, **solves) if solves else check
     if calibration is not None and not calibrations.empty:
@@ -373,18 +375,23 @@ def _calibrations(
 
 
 def after_presses(
-    variant: Variant, requirements: Requirements, calibration: Fit | None, count: int, seed: int
+    variant: Variant,
+    requirements: Requirements,
+    calibration: Fit | None,
+    count: int,
+    seed: int,
+    solves: Mapping[str, Any] = {},
 ) -> Array:
     """Return the largest force error of sensors after `magtip calibrate` over the required range (count,); or NaN.
 
     Each has the twelve presses that `magtip bench` plans, on a stand with the error of its force sensor. Its errors
     are drawn from what these leave uncertain of a sensor with the parts of the catalogue, linearised at the typical
-    one, or from the posterior of a calibration that was made of this design.
+    one, or from the posterior of a calibration that was made of this design. `solves` are those of the mechanics.
     """
     unknown = np.full(count, np.nan)
     try:
         if calibration is None:
-            plan = press_plan.plan_of(stand(variant, requirements), requirements)
+            plan = press_plan.plan_of(stand(variant, requirements, solves), requirements)
             found, reached, lost = plan.after, plan.reached, plan.lost > 0
         else:
             found, loads = calibration, press_plan.loads_of(requirements)
@@ -396,10 +403,11 @@ def after_presses(
     return unknown if lost else press_plan.largest_errors(found, reached, requirements, count, seed)
 
 
-def stand(variant: Variant, requirements: Requirements) -> Sensor:
+def stand(variant: Variant, requirements: Requirements, solves: Mapping[str, Any]) -> Sensor:
     """Return a variant on a test stand, with priors from the ranges and tolerances of the catalogue."""
     made = tolerances_of(variant.design, parts_of_variant(variant, requirements.process))
-    return press_plan.sensor_of(variant.design, made, force_noise=ASSUMED_NOISE * requirements.force_z)[0]
+    noise = ASSUMED_NOISE * requirements.force_z
+    return press_plan.sensor_of(variant.design, made, force_noise=noise, solves=solves)[0]
 
 
 def check_of(sensors: MadeSensors, load: Press, count: int, *, model: str = "fem", **solves: Any) -> pd.DataFrame:
