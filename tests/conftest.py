@@ -19,6 +19,7 @@ from browser import executable, launched
 from geometry.design import BadInput, paper
 from studies.cli import entry_point
 from studies.output import figures
+from studies.simulation import mechanics_sources
 
 # a shell starts programs in the background with Ctrl-C ignored, and these hand that on to the commands that tests
 # interrupt; a handler of their own is not handed on
@@ -80,6 +81,12 @@ def own_cache(tmp_path_factory):
         patch.setenv("MAGTIP_CACHE", str(run / "meshes"))
         patch.setenv("MAGTIP_STORE", str(run / "solved.sqlite"))
         yield
+
+
+def take_surrogate(patch):
+    """Let benches have the mechanics of the surrogate, where a test is not about them: 40 states take ten seconds."""
+    of_surrogate = mechanics_sources.of_surrogate
+    patch.setattr(mechanics_sources, "of_finite_elements", lambda design, solves: of_surrogate(design))
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -149,6 +149,7 @@ def run_shown(command, capsys):
     return done.stdout
 
 
+@pytest.mark.calibrates
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="the tutorial compiles the decoder: gcc is not installed")
 def test_tutorial_prints_what_it_shows(capsys, tmp_path, monkeypatch):
     """Its commands follow each other in one folder, with the files that it shows."""

@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pandas as pd
 import pytest
+from conftest import take_surrogate
 from stores import temporary
 
 from analytic.hall import readings
@@ -36,9 +37,13 @@ from studies.sizing.front_solves import (
 from studies.sizing.front_yield import check_of, drawn, required_load, yield_of
 from studies.sizing.sensor_arrays import made_sensors_of, sensors_of, sensors_of_variant
 
-pytestmark = pytest.mark.calibrates
-
 PLAIN = Requirements(force_z=5.0)
+
+
+@pytest.fixture(autouse=True)
+def mechanics(monkeypatch):
+    """Yields after presses rest on the surrogate."""
+    take_surrogate(monkeypatch)
 
 
 def points(rows, **solved):

@@ -8,7 +8,7 @@ import math
 import re
 
 import pytest
-from conftest import make_fast
+from conftest import make_fast, take_surrogate
 
 from studies.cli import commands
 from studies.output import atomic_files
@@ -73,6 +73,7 @@ def sizing(contradiction, tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stderr(err):
         patch.setattr(front_yield, "CHECKED", 1)
         make_fast(patch)
+        take_surrogate(patch)
         assert commands.run(size(folder, loose, contradiction[0].parent / "store.db", "--export")) == 0
     return folder / "out", err.getvalue()
 
