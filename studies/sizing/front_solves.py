@@ -29,12 +29,15 @@ from analytic.hall import batch_readings
 from analytic.parts import common_values
 from fem.scene import Model
 from geometry.arrays import Array, Ints
+from geometry.compiled import cores
 from geometry.design import Design
 from geometry.loads import Load
 from studies.cases import FiniteElements
 from studies.mechanics import surrogate_range
 from studies.mechanics.path_solver import frequency_unit
 from studies.mechanics.prediction import Quantity
+from studies.mechanics.solve_plan import INLINE
+from studies.mechanics.workers import finished
 from studies.output.records import FlatRow
 from studies.sizing import front_yield
 from studies.sizing.beam_curves import SOLVED_DEPTHS
@@ -223,6 +226,10 @@ class FrontPoint:
         return row | {"score": self.score, "reason": self.reason or self.doubt}
 
 
+SECONDS = 2.5e-3
+"""Time that the yield takes for each made sensor, s."""
+
+
 def solved_front(
     candidates: Candidates,
     needed: Requirements,
@@ -241,8 +248,14 @@ def solved_front(
     candidates = to_solve(candidates, needed, most)
     if not len(candidates):
         return []
-    points = solved_points(candidates, needed, fem)
-    return ranked([with_yield(point, needed, sensors) for point in points], needed, fem)
+    points, wanted = solved_points(candidates, needed, fem), fem.options.get("workers")
+    workers = min(cores(), len(points)) if wanted is None else wanted
+    if workers < 2 or SECONDS * sensors * len(points) < INLINE:
+        workers = 0
+    judge = functools.partial(with_yield, needed=needed, count=sensors)
+    # a process that died says nothing of the yield
+    judged = {each.task.number: each.answer or each.task for each in finished(points, judge, workers=workers)}
+    return ranked([judged[point.number] for point in points], needed, fem)
 
 
 def with_yield(point: FrontPoint, needed: Requirements, count: int) -> FrontPoint:
