@@ -71,14 +71,13 @@ def pytest_collection_finish():
 
 @pytest.fixture(scope="session", autouse=True)
 def own_cache(tmp_path_factory):
-    """The user's meshes and solved states are neither read nor filled by tests; children inherit this.
+    """The user's solved states are neither read nor filled by tests; children inherit this.
 
     The processes of one run share a cache.
     """
     base = tmp_path_factory.getbasetemp()
     run = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("MAGTIP_CACHE", str(run / "meshes"))
         patch.setenv("MAGTIP_STORE", str(run / "solved.sqlite"))
         yield
 

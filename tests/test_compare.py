@@ -1,17 +1,14 @@
 import csv
 import math
-from dataclasses import replace
 
-import numpy as np
 import pandas as pd
 import pytest
 
 from analytic import beam, hall
 from fem import equilibrium
 from fem.accuracy import QUICK
-from geometry.design import BadInput, Design, paper
+from geometry.design import Design, paper
 from geometry.loads import Load
-from geometry.relaxation import relaxation_of
 from studies.cases import answer
 from studies.output import result
 from studies.simulation import compare, comparison_rows
@@ -133,51 +130,3 @@ def test_a_chip_has_its_own_columns_in_mT():
     assert "S2" not in text
     lost = findings(design, press, shear.assign(force_x_error_percent=math.nan))
     assert "the beam gave way" in " ".join(lost["sentences"])
-
-
-ONE = replace(paper(), prony="0.5:2 0:1e-9 0:1e9", modulus="long-term")
-TRAVEL = np.array([0.5, 1.0, 2.0])
-
-
-def test_fast_and_slow_presses_have_both_moduli():
-    force = TRAVEL**1.5
-    assert comparison_rows.factors(ONE, TRAVEL, force, None, 1e9) == pytest.approx(2, rel=1e-6)
-    assert comparison_rows.factors(ONE, TRAVEL, force, None, 1e-9) == pytest.approx(1, rel=1e-6)
-    stiff = replace(ONE, modulus="instantaneous")
-    assert comparison_rows.factors(stiff, TRAVEL, force, None, 1e-9) == pytest.approx(0.5, rel=1e-6)
-
-
-def test_a_linear_spring_has_its_closed_form():
-    t = TRAVEL / 0.5
-    wanted = (0.5 + 0.5 * 2 / t * (1 - np.exp(-t / 2))) / 0.5
-    assert comparison_rows.factors(ONE, TRAVEL, 3 * TRAVEL, None, 0.5) == pytest.approx(wanted, rel=1e-12)
-
-
-def test_a_frequency_has_the_storage_modulus():
-    G = relaxation_of(ONE).complex_modulus(2 * math.pi * 0.3)
-    assert comparison_rows.factors(ONE, TRAVEL, TRAVEL, 0.3, None) == pytest.approx(G.real / 0.5, rel=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("rate", "part"),
-    [
-        ((1.0, 1.0), "leave one"),
-        ((0.0, None), "above 0 Hz"),
-        ((None, -1.0), "above 0 mm/s"),
-        ((5e3, None), "not for 5000 Hz"),
-    ],
-)
-def test_impossible_rates_are_refused(rate, part):
-    with pytest.raises(BadInput, match=part):
-        comparison_rows.check_rate(paper(), 3.0, *rate)
-
-
-def test_rows_without_a_force_have_none_at_a_rate():
-    table = pd.DataFrame({"depth_mm": [0.5, 1.0, 2.0], "fem_force_N": [1.0, math.nan, 4.0]})
-    found = comparison_rows.with_rate(ONE, table, None, 1.0)
-    assert found["fem_force_at_rate_N"].isna().tolist() == [False, True, False]
-    assert found["fem_force_at_rate_N"][2] > 4
-    change = 100 * (found["fem_force_at_rate_N"] / found["fem_force_N"] - 1)
-    assert found["fem_force_at_rate_change_percent"].to_numpy() == pytest.approx(change.to_numpy(), nan_ok=True)
-    assert comparison_rows.with_rate(ONE, table, None, None) is table
-    assert "2 mm" in comparison_rows.rate_sentence(ONE, found, None, 1.0)

@@ -63,13 +63,13 @@ BAD = [
     ("modes paper --count 0", "--count must be between 1 and 40; got 0"),
     (
         "compare paper --depth 1",
-        "there is no option --depth: choose one of --out, --accuracy, --tolerance, --frequency",
+        "there is no option --depth: choose one of --out, --accuracy, --tolerance, --set",
     ),
     ("demo --out /proc/results", "cannot write to the folder '/proc/results'"),
     ("explore paper --export page.html --port 8000", "--port has no meaning"),
     ("validate verify --quick --out ''", "--out is empty: give it a value, or leave it out"),
     ("verify --quick", "verify is a study of validation: type magtip validate verify"),
-    ("--depth 1", "Available commands: design, cad, mesh, cache"),
+    ("--depth 1", "Available commands: design, cad, mesh, catalogue"),
     (
         "sweep --axis D=6,8 --depth 1 --workers 1 --scheduler x",
         "--workers is for processes on this machine and --scheduler for a cluster: give one of them",
@@ -203,7 +203,7 @@ def test_what_is_set_in_vain_is_said(run):
 
 
 ORDER = """
-    Design: design cad mesh cache catalogue size
+    Design: design cad mesh catalogue size
     Simulation: solve converge analytic compare stability modes response cycle fit demo
     Sensing: field readings bench calibrate decode stream firmware table layout
     Exploration: explore sweep sensitivity report store

@@ -296,18 +296,3 @@ def test_edges_follow_the_rim(half):
     assert np.hypot(middle[0], middle[1]) == pytest.approx(radius, abs=1e-4 * SENSOR.R)
     # as many edges as there are sectors
     assert len(chain) == (1 if half else 2) * 6
-
-
-def test_the_verb_cache_reports_and_clears_the_meshes_of_earlier_versions(monkeypatch, tmp_path, run, strict):
-    monkeypatch.setenv("MAGTIP_CACHE", str(tmp_path / "meshes"))
-    assert strict(run("cache", "--json")[1])[0]["files"] == 0
-    (tmp_path / "meshes").mkdir()
-    for name in ("a.mesh", "b.mesh", "notes.txt"):
-        (tmp_path / "meshes" / name).write_bytes(bytes(1000))
-    (record,) = strict(run("cache", "--json")[1])
-    assert record == {"folder": str(tmp_path / "meshes"), "files": 2, "size_MB": 0.002, "limit_MB": 0}
-    status, out, _ = run("cache", "--clear", "--json")
-    assert (status, strict(out)[0]["files"]) == (0, 0)
-    assert [file.name for file in (tmp_path / "meshes").iterdir()] == ["notes.txt"]
-    monkeypatch.setenv("MAGTIP_CACHE", "off")
-    assert strict(run("cache", "--json")[1])[0]["folder"] == "off"

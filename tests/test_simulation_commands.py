@@ -381,7 +381,7 @@ def row_at(stop, force):
 def cycles(force_out=1.0, loop=LOOP):
     path = stops(Motion(1.0, 0.0, "none", 1.0, cycles=1))
     rows = [row_at(stop, (0.0, force_out if stop.phase == "out" else 1.0)) for stop in path]
-    return Cycles("prony", "ok", "", rows, [loop])
+    return Cycles("ok", "", rows, [loop])
 
 
 @pytest.mark.parametrize(

@@ -1,1 +1,1 @@
-"""Meshing of the beam and its magnet: edge lengths, surfaces, curved cells, quality, cache and imported meshes."""
+"""Meshing of the beam and its magnet: edge lengths, surfaces, curved cells, quality and imported meshes."""

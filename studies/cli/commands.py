@@ -52,7 +52,7 @@ app = App(
     suppress_keyboard_interrupt=False,
 )
 VERBS = {
-    "Design": {"design_commands": "design cad mesh cache catalogue size"},
+    "Design": {"design_commands": "design cad mesh catalogue size"},
     "Simulation": {
         "simulation_commands": "solve converge analytic compare stability modes response cycle fit",
         "exploration_commands": "demo",

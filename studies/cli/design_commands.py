@@ -1,9 +1,8 @@
-"""The verbs of designs and parts: design, cad, mesh, cache (meshes that earlier versions kept), catalogue, size."""
+"""The verbs of designs and parts: design, cad, mesh, catalogue, size."""
 
 from __future__ import annotations
 
 import dataclasses
-import os
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -101,33 +100,6 @@ def mesh(
         return Result(title="Mesh", records=[record], failures=failure_of([record]))
 
     return publish(study, call.screen)
-
-
-@verb("as_json")
-def cache(call: Call, *, clear: bool = False) -> int:
-    """Show the meshes that earlier versions kept on disk (environment: MAGTIP_CACHE). This version keeps none.
-
-    Parameters
-    ----------
-    clear
-        Delete these meshes.
-    """
-    import platformdirs
-
-    chosen = os.environ.get("MAGTIP_CACHE", "")
-    folder = Path(chosen) if chosen else platformdirs.user_cache_path("magtip", appauthor=False)
-    files = [file for file in folder.glob("*.mesh") if file.is_file()] if chosen.lower() != "off" else []
-    if clear:
-        for file in files:
-            file.unlink(missing_ok=True)
-        files = []
-    record = {
-        "folder": chosen.lower() if chosen.lower() == "off" else folder,
-        "files": len(files),
-        "size_MB": sum(file.stat().st_size for file in files) / 1e6,
-        "limit_MB": 0.0,
-    }
-    return show(Result(title="Cache of meshes", records=[record]), call.screen)
 
 
 Kind = Annotated[

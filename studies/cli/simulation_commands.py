@@ -202,20 +202,11 @@ def compare(
     *,
     accuracy: Annotated[AccuracyName | None, STANDARD] = None,
     tolerance: Annotated[str | None, option_groups.TOLERANCE] = None,
-    frequency: float | None = None,
-    speed: float | None = None,
 ) -> int:
     """Compare finite elements and formulas in a press and in a shear.
 
     The press has 12 steps to a depth of 3 D/8, or to 0.6 of the silicone on the axis if that is less. The shear has
     6 steps to 3 D/8 at a third of that depth. For other depths use magtip sweep --axis depth=a,b,c.
-
-    Parameters
-    ----------
-    frequency
-        Also say how the forces differ in small vibrations at this frequency, Hz.
-    speed
-        Also say how the forces differ if the plate moves with this speed from rest, mm/s.
     """
     from fem.accuracy import LEVELS
     from studies.simulation import compare as study
@@ -230,7 +221,7 @@ def compare(
         chosen = within_tolerance.choose_accuracy(design, study.default_loads(design), tolerance)
         within_tolerance.say(chosen)
     level = LEVELS[chosen.level_or_accuracy if chosen else accuracy or "standard"]
-    options: dict[str, Any] = {"frequency": frequency, "speed": speed, "chosen": chosen, "accuracy": level}
+    options: dict[str, Any] = {"chosen": chosen, "accuracy": level}
     return publish(lambda progress: study.run(design, progress=progress, **options), here)
 
 

@@ -223,8 +223,6 @@ class Cycle:
     shear: float = 0.0
     """After the press, shear the tip along x between plus and minus this, mm; the depth stays."""
     friction: Annotated[str | None, FRICTION] = None
-    second_law: bool = False
-    """Also follow the motion by the law for large rates (Reese and Govindjee), and print the difference."""
     gap: float | None = None
     """Find the constant loss factor with which the last loop has this gap at mid-stroke, percent of full scale (the
     paper measured less than 10)."""

@@ -20,7 +20,7 @@ from analytic.hall import batch_readings
 from analytic.relaxation_loops import loop
 from analytic.time_series import RelaxingForce
 from fem.accuracy import LEVELS
-from fem.analyses.timed_path import TimeControl, TimedState, ViscousLaw, follow
+from fem.analyses.timed_path import TimeControl, TimedState, follow
 from fem.equilibrium import trace
 from geometry.arrays import Array
 from geometry.bad_input import OutOfReach
@@ -237,16 +237,14 @@ def _gap(own: Sequence[FlatRow], force: Iterable[float]) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Cycles:
-    """The rows and loops of a motion by one law.
+    """The rows and loops of a motion by linear overstresses, the law "prony" of `fem.model.viscoelasticity`.
 
-    law : "prony" or "finite", see `fem.model.viscoelasticity`.
     status, message : "ok", "unstable" or "unknown" with the first such state, or why the path ended.
     rows : of `rows_of`.
     steps : number of time steps, and of degrees of freedom.
     seconds : of the processor.
     """
 
-    law: str
     status: str
     message: str
     rows: list[FlatRow]
@@ -277,7 +275,6 @@ class Cycles:
     def record(self) -> FlatRow:
         """Return status, the loops and the errors for JSON."""
         return {
-            "law": self.law,
             "status": self.status,
             "message": self.message,
             "loops": self.loops,
@@ -349,7 +346,6 @@ def static_curve(design: Design, motion: Motion, accuracy: str, magnet: Magnet) 
 def run(
     design: Design,
     motion: Motion,
-    law: ViscousLaw,
     static: Static,
     accuracy: str,
     magnet: Magnet,
@@ -367,10 +363,10 @@ def run(
     def results() -> Cycles:
         rows, last = rows_of(design, passed, static), passed[-1][1]
         seconds = time.process_time() - begin
-        return Cycles(law, *_verdict(passed), rows, loops_of(motion, rows), (last.step, last.solution.dofs), seconds)
+        return Cycles(*_verdict(passed), rows, loops_of(motion, rows), (last.step, last.solution.dofs), seconds)
 
     try:
-        passed.extend(_follow(design, motion, law, accuracy, magnet, tolerance, progress))
+        passed.extend(_follow(design, motion, accuracy, magnet, tolerance, progress))
     except KeyboardInterrupt:
         if passed and interrupted is not None:
             interrupted.append(results())
@@ -394,7 +390,6 @@ def _verdict(passed: Sequence[Passed]) -> tuple[str, str]:
 def _follow(
     design: Design,
     motion: Motion,
-    law: ViscousLaw,
     accuracy: str,
     magnet: Magnet,
     tolerance: float,
@@ -409,7 +404,6 @@ def _follow(
         design,
         [one.timed for one in path],
         LEVELS[accuracy],
-        law=law,
         steps=TimeControl(tolerance, longest),
         magnet=magnet,
         every_step=True,

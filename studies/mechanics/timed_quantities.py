@@ -269,7 +269,7 @@ def solve_cycle(scene: Scene, motion: PlateMotion) -> dict[str, Any]:
     from studies.mechanics.loading_cycles import Static, run
 
     design, cycle = scene.design, cycle_of(scene, motion)
-    cycles = run(design, cycle, "prony", Static(), scene.accuracy.name, scene.magnet, TOLERANCE, lambda *_: None)
+    cycles = run(design, cycle, Static(), scene.accuracy.name, scene.magnet, TOLERANCE, lambda *_: None)
     if cycles.status not in ANSWERED or len(cycles.loops) < CYCLES:
         raise SolveFailed(f"{cycles.status}: {cycles.message}")
     last, unit = cycles.loops[-1], design.E * design.D**2

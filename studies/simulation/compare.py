@@ -9,7 +9,6 @@ the same beam under both names and no readings. `comparison_rows` says what the 
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Sequence
 from dataclasses import asdict, replace
 from functools import partial
@@ -26,11 +25,8 @@ from studies.output.records import FlatRow
 from studies.output.result import Block, Result, failure_of
 from studies.simulation import comparison_figures
 from studies.simulation.comparison_rows import (
-    check_rate,
     findings,
-    rate_sentence,
     table,
-    with_rate,
     with_reading_errors,
 )
 from studies.simulation.within_tolerance import beyond, columns_of
@@ -51,8 +47,6 @@ def run(
     *,
     accuracy: Accuracy = STANDARD,
     progress: Progress | None = None,
-    frequency: float | None = None,
-    speed: float | None = None,
     chosen: Choice | None = None,
 ) -> Result:
     """Compare in a press and in a shear; its record has the rows of both and a summary of findings.
@@ -62,20 +56,15 @@ def run(
     Parameters
     ----------
     loads : default: `default_loads`.
-    frequency, speed : of the motion, Hz or mm/s, at which the rows have the finite elements' force too.
     chosen : the accuracy that a tolerance has chosen, and that tolerance.
     """
-    press_loads, shear_loads = loads = loads or default_loads(design)
-    check_rate(design, max(max(load.depth, load.shear_x) for load in itertools.chain(*loads)), frequency, speed)
+    press_loads, shear_loads = loads or default_loads(design)
     answers = _answers(design, [*press_loads, *shear_loads], accuracy, progress)
     count = len(press_loads)
     press = table("press", design, {name: frame[:count] for name, frame in answers.items()})
     shear = table("shear", design, {name: frame[count:] for name, frame in answers.items()})
     press, shear = with_reading_errors(design, press, shear)
     summary = findings(design, press, shear)
-    press, shear = (with_rate(design, part, frequency, speed) for part in (press, shear))
-    if frequency is not None or speed is not None:
-        summary["rate_sentence"] = rate_sentence(design, press, frequency, speed)
     return _result(design, press.to_dict("records"), shear.to_dict("records"), summary, chosen)
 
 
@@ -87,8 +76,6 @@ def _result(
         replace(sweep.table(rows, title, places), places=places)
         for title, rows in (("Press", press), ("Shear", shear))
     ]
-    if "rate_sentence" in summary:
-        shown.append(f"{summary['rate_sentence']}.")
     rows = [*press, *shear]
     lost = beyond(rows, chosen.tolerance) if chosen else []
     return Result(

@@ -1,20 +1,10 @@
-"""The rows of a comparison and its findings: a press and a shear by three mechanics, their errors, readings and rate.
+"""The rows of a comparison and its findings: a press and a shear by three mechanics, their errors and readings.
 
 Prefixes of columns: "fem" is the finite elements with the rigid magnet, "fem_homogeneous" those of a beam that is
 all silicone, "analytic" the formulas, and "untilted" the pose of "fem" without its tilt. Errors of a quantity are
 those of the formulas against both finite elements, in %. Errors of a reading are those against "fem", in % of full
 scale: the largest change from rest that "fem" has of it in all rows; the second and the third element share one,
 since a shear along y swaps them. What is not known is NaN.
-
-How static forces change with the rate of the motion follows from the relaxation of the silicone alone. All stress
-that relaxes does so by one function G(t), so the force of a growing load follows from the static one by superposition
-(exact for a held load, and for a sphere on a half space: Lee and Radok 1960),
-
-    F(t) = int_0^t G(t - s) / G_E dF_static(s)          with a speed: the plate moves evenly from rest,
-    F = G'(2 pi f) / G_E F_static                       with a frequency: the part in phase, steady and small,
-
-G_E the modulus that the design's E is, long-term or instantaneous. Inertia is neglected; `magtip cycle` and
-`magtip response` solve for the whole sensor.
 """
 
 from __future__ import annotations
@@ -31,7 +21,6 @@ from analytic import beam, hall
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.loads import ANSWERED, Load, rotation_of
-from geometry.relaxation import range_remedy, range_sentence, relaxation_of
 from studies.output import page_templates
 from studies.sensing.field_readings import columns
 from studies.sweeps.study_rows import percents
@@ -151,77 +140,6 @@ def with_reading_errors(design: Design, press: pd.DataFrame, shear: pd.DataFrame
         })
         for part in (press, shear)
     )  # fmt: skip
-
-
-def check_rate(design: Design, travel: float, frequency: float | None, speed: float | None) -> None:
-    """Refuse rates that contradict each other, or for which the branches do not speak; travel of the plate in mm."""
-    if frequency is not None and speed is not None:
-        raise BadInput("--frequency and --speed both give the rate of the motion: leave one of them out")
-    for name, value, unit in (("frequency", frequency, "Hz"), ("speed", speed, "mm/s")):
-        if value is not None and not 0 < value < math.inf:
-            raise BadInput(f"--{name} must be above 0 {unit}; got {value:g}")
-    times = [] if speed is None else [travel / speed]
-    frequencies = [] if frequency is None else [frequency]
-    sentence = range_sentence(relaxation_of(design), times=times, frequencies=frequencies)
-    if sentence:
-        raise BadInput(f"{sentence}: {range_remedy(design)}")
-
-
-def factors(design: Design, travel: Array, force: Array, frequency: float | None, speed: float | None) -> Array:
-    """Return the force at a rate over the static force (n,), at rising travels (n,), mm, from 0; NaN where unknown.
-
-    >>> from geometry.design import Design
-    >>> stiff = Design(prony="0.5:1", modulus="instantaneous")
-    >>> factors(stiff, np.array([1.0]), np.array([2.0]), None, 1e6).round(3).tolist()
-    [1.0]
-    """
-    relaxation = relaxation_of(design)
-    own = 1.0 if design.modulus == "instantaneous" else relaxation.rest
-    if frequency is not None:
-        storage = float(relaxation.complex_modulus(2 * math.pi * frequency).real)
-        return np.where(np.isnan(force), np.nan, storage / own)
-    assert speed is not None
-    known = np.flatnonzero(~np.isnan(force) & (travel > 0))
-    g, tau = np.array(relaxation.shares), np.array(relaxation.times)
-    ratio, overstress = np.full(len(force), np.nan), np.zeros(len(g))
-    last = (0.0, 0.0)
-    for k in known.tolist():
-        # exact for a force that grows linearly between the rows of the table
-        x = (travel[k] - last[0]) / speed / tau
-        overstress = overstress * np.exp(-x) + g * -np.expm1(-x) / x * (force[k] - last[1])
-        ratio[k] = (relaxation.rest * force[k] + overstress.sum()) / (own * force[k])
-        last = float(travel[k]), float(force[k])
-    return ratio
-
-
-def with_rate(design: Design, table: pd.DataFrame, frequency: float | None, speed: float | None) -> pd.DataFrame:
-    """Return the rows with the finite elements' force at a rate, N, and its change, %; without a rate the rows."""
-    if frequency is None and speed is None:
-        return table
-    way, name = ("shear_mm", "fem_force_x") if "shear_mm" in table else ("depth_mm", "fem_force")
-    force = table[f"{name}_N"].to_numpy()
-    ratio = factors(design, table[way].to_numpy(), force, frequency, speed)
-    return table.assign(**{f"{name}_at_rate_N": force * ratio, f"{name}_at_rate_change_percent": 100 * (ratio - 1)})
-
-
-def rate_sentence(design: Design, press: pd.DataFrame, frequency: float | None, speed: float | None) -> str:
-    """Return what the rate does to the force of the deepest press that was solved, in a sentence."""
-    solved = press.dropna(subset="fem_force_at_rate_N")
-    if not len(solved):
-        return "no press was solved, so the force at this rate is not known"
-    last = solved.iloc[-1]
-    (text,) = page_templates.sentences(
-        TEMPLATE,
-        "rate",
-        change=last["fem_force_at_rate_change_percent"],
-        depth=last["depth_mm"],
-        force=last["fem_force_at_rate_N"],
-        modulus=design.modulus,
-        frequency=frequency,
-        speed=speed,
-        loss=None if frequency is None else float(relaxation_of(design).loss_factor(2 * math.pi * frequency)),
-    )
-    return text
 
 
 # Findings: figures from the tables, and sentences made from the figures

@@ -6,7 +6,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from analytic.relaxation_loops import loop
 from geometry.bad_input import OutOfReach
@@ -25,15 +24,14 @@ from studies.output.result import Interrupted, Result, Table, failure_of
 from studies.simulation import time_figures
 from studies.simulation.load_cases import friction_of
 
-if TYPE_CHECKING:
-    from fem.analyses.timed_path import ViscousLaw
-
 FILES = ("cycle.csv", "loops.csv", "cycle.png")
 """Files that a folder of results holds, beside run.json."""
 FAST = 0.1
 """Frequency over the lowest natural frequency from which inertia changes forces by 1 % or more."""
 GAINED = 1e-2
 """Energy that a closed cycle may gain, over the area of its loop: above the errors of time steps and mesh."""
+LAW: FlatRow = {"law": "prony"}
+"""Column of the law by which the silicone relaxes, see `fem.model.viscoelasticity`."""
 sentences = partial(page_templates.sentences, Path(__file__).with_name("templates") / "cycle.j2")
 
 
@@ -64,13 +62,12 @@ def run(
     made: Made | None,
     progress: Progress,
 ) -> Result:
-    """Follow a motion by one law or two, and search for the loss factor of a gap, percent, if one is wanted.
+    """Follow a motion, and search for the loss factor of a gap, percent, if one is wanted.
 
     The result repeats `warnings`, those of the options. Ctrl-C leaves the loops of the cycles that are complete.
     """
     accuracy, magnet, gap = options.accuracy, options.magnet, options.gap
-    laws: tuple[ViscousLaw, ...] = ("prony", "finite") if options.second_law else ("prony",)
-    followed: list[Cycles] = []
+    cycles: Cycles | None = None
     interrupted: list[Cycles] = []
     try:
         progress(0.0, "the lowest natural frequency")
@@ -78,63 +75,52 @@ def run(
         progress(0.0, "the curve of slow loading")
         static = replace(loading_cycles.static_curve(design, motion, accuracy, magnet), made=made)
 
-        def follow(sensor: Design, law: ViscousLaw = "prony") -> Cycles:
+        def follow(sensor: Design) -> Cycles:
             return loading_cycles.run(
-                sensor, motion, law, static, accuracy, magnet, options.tolerance, progress, interrupted
+                sensor, motion, static, accuracy, magnet, options.tolerance, progress, interrupted
             )
 
-        for law in laws:
-            followed.append(follow(design, law))
+        cycles = follow(design)
         found = {} if gap is None else _loss_factor(design, motion, gap, follow)
     except KeyboardInterrupt:
         # a run of the search for a gap has another loss factor: its loops are not those of the design
-        if len(followed) < len(laws):
-            followed += interrupted
-        raise _interrupted(followed, motion) from None
-    warned = [*warnings, *inertia(motion, lowest), *(text for one in followed for text in doubts(static, one))]
-    return _result(design, followed, found, notes(design, motion, static, followed, lowest), warned, motion)
+        raise _interrupted(cycles or next(iter(interrupted), None), motion) from None
+    warned = [*warnings, *inertia(motion, lowest), *doubts(static, cycles)]
+    return _result(design, cycles, found, notes(design, motion, static, cycles, lowest), warned, motion)
 
 
 def _result(
-    design: Design, followed: Sequence[Cycles], found: FlatRow, said: list[str], warned: list[str], motion: Motion
+    design: Design, cycles: Cycles, found: FlatRow, said: list[str], warned: list[str], motion: Motion
 ) -> Result:
-    first = followed[0]
-    states = [
-        {"law": one.law} | {name: row[name] for name in row if name != "place"}
-        for one in followed
-        for row in one.rows
-    ]
-    record: FlatRow = first.record() | found
-    if len(followed) > 1:
-        record["second_law"] = followed[1].record()
+    states = [LAW | {name: row[name] for name in row if name != "place"} for row in cycles.rows]
     # energy that is stored before a loop may be released in it
-    releases = any(row["material_mJ"] + row["friction_mJ"] > 1.01 * row["area_mJ"] for row in first.loops)
-    findings = sentences("findings", cycles=first, releases=releases) if first.loops else []
+    releases = any(row["material_mJ"] + row["friction_mJ"] > 1.01 * row["area_mJ"] for row in cycles.loops)
+    findings = sentences("findings", cycles=cycles, releases=releases) if cycles.loops else []
+    record = LAW | cycles.record() | found
     return Result(
         title="Loops",
         records=[record | {"frequency_Hz": motion.frequency, "warnings": warned, "notes": said}],
         shown=[
-            *map(_table, followed),
+            _table(cycles),
             *(f"{text}." for text in (*findings, *([found["sentence"]] if found else []), *said)),
         ],
-        tables={"cycle": states, "loops": [{"law": one.law} | row for one in followed for row in one.loops]},
+        tables={"cycle": states, "loops": [LAW | row for row in cycles.loops]},
         digits=9,
         files={"cycle.png": partial(picture, rows=states, draw=time_figures.cycle)},
         warnings=warned,
-        failures=failure_of([*(one.record() for one in followed), *([found] if found else [])]),
+        failures=failure_of([cycles.record(), *([found] if found else [])]),
         design=asdict(design),
     )
 
 
 def _table(cycles: Cycles) -> Table:
-    return Table(title=f"Loops, {time_figures.LAWS[cycles.law]}", rows=cycles.loops)
+    return Table(title=f"Loops, {time_figures.LAWS['prony']}", rows=cycles.loops)
 
 
-def _interrupted(followed: Sequence[Cycles], motion: Motion) -> Interrupted:
-    complete = [one for one in followed if one.loops]
-    records = [{"law": one.law, "loops": one.loops} for one in complete]
-    reached = len(followed[-1].loops) if followed else 0
-    text = f"{reached} of {motion.cycles} cycles are complete, and no file is written"
+def _interrupted(cycles: Cycles | None, motion: Motion) -> Interrupted:
+    complete = [cycles] if cycles and cycles.loops else []
+    records = [LAW | {"loops": one.loops} for one in complete]
+    text = f"{len(cycles.loops) if cycles else 0} of {motion.cycles} cycles are complete, and no file is written"
     return Interrupted(text, Result(title="Loops", records=records, shown=[_table(one) for one in complete]))
 
 
@@ -165,23 +151,20 @@ def inertia(motion: Motion, lowest: float) -> list[str]:
     return sentences("inertia", motion=motion, lowest=lowest, share=share) if share > FAST**2 else []
 
 
-def notes(design: Design, motion: Motion, static: Static, followed: Sequence[Cycles], lowest: float) -> list[str]:
-    """Return what the numbers assume and how accurate they are, and how far both laws differ, in sentences."""
+def notes(design: Design, motion: Motion, static: Static, cycles: Cycles, lowest: float) -> list[str]:
+    """Return what the numbers assume and how accurate they are, in sentences."""
     relaxation = relaxation_of(design)
     linear = loop(relaxation, motion.frequency, motion.waveform, motion.hold).hysteresis
-    said = sentences(
+    return sentences(
         "notes",
         motion=motion,
         static=static,
-        cycles=followed[0],
+        cycles=cycles,
         lowest=lowest,
         relaxation=relaxation,
         relaxation_notes=relaxation_notes(design),
         linear=linear,
     )
-    if len(followed) > 1 and all(one.loops for one in followed):
-        said += sentences("difference", first=followed[0].loops[-1], second=followed[1].loops[-1])
-    return said
 
 
 def doubts(static: Static, cycles: Cycles) -> list[str]:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 BAND = 600.0
 """Frequency up to which the paper used its sensor, Hz."""
-LAWS = {"prony": "linear overstresses", "finite": "law for large rates"}
+LAWS = {"prony": "linear overstresses"}
 """Names of the laws of a loading cycle, by the texts of their column."""
 HIGHEST = 2.0
 """Top of the axis of oscillators over the largest damped gain: an undamped one has no largest gain."""

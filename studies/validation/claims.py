@@ -351,7 +351,7 @@ def loop_figures(step_error: float) -> Row:
     design = paper()
     motion = Motion(VALUES["depth"], 0.0, "none", VALUES["speed"] / (2 * VALUES["depth"]), cycles=2)
     static = loading_cycles.Static()
-    cycles = loading_cycles.run(design, motion, "prony", static, "quick", "rigid", step_error, lambda *_: None)
+    cycles = loading_cycles.run(design, motion, static, "quick", "rigid", step_error, lambda *_: None)
     relaxation = relaxation_of(design)
     spring, sine = (loop(relaxation, motion.frequency, form).hysteresis for form in ("triangle", "sine"))
     found = {"loss_factor": design.loss_factor, "gap_percent": cycles.loops[-1]["gap_percent"]}

@@ -243,7 +243,6 @@ def loop(state: ExplorerState, motion: Motion, made: Fit | None = None) -> Data:
     cycles = loading_cycles.run(
         state.design,
         motion,
-        "prony",
         loading_cycles.Static(made=of_sensor),
         LOOP_LEVEL,
         state.magnet,
