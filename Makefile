@@ -10,10 +10,10 @@ OUT ?= out/demo
 demo: setup
 	$(BIN)/magtip demo --out $(OUT)
 
-# two at a time, in this order: numba compiles beside the tests without extras, and the other tests, which read its
-# files, begin while the checks end; what is left out, because a program is missing, is said in the last lines
+# two at a time, in this order: numba compiles beside the checks, and all tests read its files; what is left out,
+# because a program is missing, is said in the last lines
 test:
-	$(MAKE) --no-print-directory -j2 plain compile check pytest
+	$(MAKE) --no-print-directory -j2 compile check plain pytest
 	@command -v npm >/dev/null || echo "left out: format and rules of the pages' scripts, npm is not installed"
 
 # as many processes as cores, so each on one thread; one that has ended takes tests over from another
@@ -36,12 +36,10 @@ node_modules/.package-lock.json: package-lock.json
 	touch $@
 
 compile: setup
-	$(BIN)/python -c 'from analytic import decode; from fem.equilibrium import solve; from geometry.design import LAWS, Design, paper; \
-	from geometry.loads import Load; [solve(Design(law=law), Load(depth=0.1, shear_x=0.1)) for law in LAWS]; \
-	decode.decode(decode.decoder(paper()), [[0.01, 0.01, 0.01]])'
+	PYTHONPATH=. $(ONE_THREAD) $(BIN)/python tests/compile_functions.py
 
 # the verdicts of stability without MKL, in an environment of their own
-plain: $(PLAIN)/ready
+plain: compile $(PLAIN)/ready
 	MAGTIP_PLAIN=1 $(ONE_THREAD) $(PLAIN)/bin/python -m pytest -p no:cacheprovider tests/test_without_extras.py tests/test_linear_solvers.py tests/test_stability.py
 
 $(PLAIN)/ready: .venv/ready tests/plain_environment.py

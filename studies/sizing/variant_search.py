@@ -315,8 +315,8 @@ def _varied(found: Found, count: int, random: np.random.Generator) -> Candidates
     for k, (start, last) in enumerate(space.choices):
         taken, near, other = random.random((3, count))
         choices[:, k] = np.where(taken < 0.15, pool.choices[second, k], choices[:, k])
-        step = random.integers(-3, 4, count)
-        choices[:, k] = np.where(near < 0.15, np.clip(choices[:, k] + step, start, last - 1), choices[:, k])
+        beside = np.clip(choices[:, k] + random.integers(-3, 4, count), start, last - 1)
+        choices[:, k] = np.where(near < 0.15, beside, choices[:, k])
         choices[:, k] = np.where(other < 0.07, random.integers(start, last, count), choices[:, k])
     share = pool.share[first].copy()
     for k, low in space.free.items():
