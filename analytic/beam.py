@@ -1,7 +1,7 @@
 """Closed-form mechanics of the beam at five levels, from the paper's own formulas to finite strain.
 
 Each level answers a load with the same `Response`; README.md has the table of levels, with what each is good for.
-The terms are in `analytic.press_terms` and `analytic.shear_terms`. `magtip validate ladder`
+The terms are in `analytic.press_terms` and `analytic.shear_terms`. `magtip validate formulas ladder`
 tabulates the error of each level over the design space. Lengths in mm, E in MPa, forces in N.
 
 The paper: Chathuranga et al., IEEE Sensors Journal 2016, equations (5) to (7).

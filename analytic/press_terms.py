@@ -21,8 +21,8 @@ finite : the layer thins to t exp(-1.4 above/R), and below = R C (1 - lambda) wi
          column, 1/lambda^2 - lambda = 3 eps.
 
 Four constants are fitted to finite elements: 0.18 (sinking of silicone beams at 0.03 D), 1.55 and 0.4 (sinking with
-magnets) and 1.4 (force at D/4). All others are quoted or derived. `magtip validate ladder` tabulates the errors on
-other designs. Without a magnet, level magnet equals level tip. Units mm, N, MPa.
+magnets) and 1.4 (force at D/4). All others are quoted or derived. `magtip validate formulas ladder` tabulates
+the errors on other designs. Without a magnet, level magnet equals level tip. Units mm, N, MPa.
 """
 
 import math

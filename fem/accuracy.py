@@ -1,4 +1,4 @@
-"""Accuracy levels of the finite elements; `magtip validate accuracy` compares them with much finer meshes.
+"""Accuracy levels of the finite elements; `magtip validate errors accuracy` compares them with much finer meshes.
 
 Quick is for looking around and for the live page, standard for answers (the surrogate is of its meshes), fine for
 checking an answer of standard. They are no sequence: their lengths have no fixed ratio and their meshes do not nest.

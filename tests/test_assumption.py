@@ -10,38 +10,20 @@ import pytest
 from analytic import beam
 from geometry.design import paper
 from studies.inputs import study_input
-from studies.validation import assumption
+from studies.validation.formulas import assumption
 from studies.web import paper_figures
 
-SMALL = """
-version = 2
-design = "paper"
-models = ["quick", "paper", "column", "tip", "magnet", "finite"]
-quantities = ["force", "shift", "tilt"]
-[load]
-friction = "stick"
-[axes]
-L = [9, 16]
-[[zipped]]
-magnet_diameter = [0, 4]
-magnet_height = [0, 2]
-magnet_edge_radius = [0, 0.1]
-nu = [0.4998, 0.4998]
-[[zipped]]
-depth = [0.16, 2.4, 0.64]
-shear = [0, 0, 0.4]
-"""
+SMALL = assumption.QUICK.read_text("utf-8")
 
 
 def test_the_verb(run, tmp_path):
-    (tmp_path / "small.toml").write_text(SMALL)
-    status, out, err = run("validate", "assumption", "small.toml", "--out", "out", "--workers", "0")
+    status, out, err = run("validate", "formulas", "assumption", "--quick", "--out", "out", "--workers", "0")
     assert status == 0, err
     assert "formula (5) is within 10 %" in out
     assert {path.name for path in (tmp_path / "out").glob("[!.]*")} == set(assumption.FILES)
     text = (tmp_path / "out" / "ASSUMPTION.md").read_text("utf-8")
     assert "No magnet, press force: formula (5) is within 10 % for L/D 1.12 to 2, d/D 0.3" in text
-    assert "Made with `magtip validate assumption small.toml" in text
+    assert "Made with `magtip validate formulas assumption --quick" in text
     assert all(f"]({name})" in text for name in assumption.FILES if name.endswith(".png"))
 
 
@@ -52,7 +34,7 @@ def test_sizes_of_the_magnet_may_be_fixed_and_the_page_names_the_design(tmp_path
     for old, new in changes.items():
         text = text.replace(old, new)
     (tmp_path / "own.toml").write_text(text)
-    found = assumption.run(lambda share, text: None, tmp_path / "own.toml", store=tmp_path / "s")
+    found = assumption.run(lambda share, text: None, study=tmp_path / "own.toml", store=tmp_path / "s")
     assert "D is 10 mm and E is 0.6 MPa" in found.pages["ASSUMPTION.md"]
 
 
@@ -68,7 +50,7 @@ def test_sizes_of_the_magnet_may_be_fixed_and_the_page_names_the_design(tmp_path
 )
 def test_studies_that_lack_something_are_refused(refusal, tmp_path, old, new, reason):
     (tmp_path / "small.toml").write_text(SMALL.replace(old, new))
-    assert reason in refusal("validate", "assumption", "small.toml")
+    assert reason in refusal("validate", "formulas", "assumption", "--study", "small.toml")
 
 
 def test_the_shipped_study_covers_the_range():

@@ -33,8 +33,8 @@ from studies.parts.part_tolerances import tolerances
 from studies.parts.requirements import Requirements, stated_requirements
 from studies.sensitivity.made_sensors import made_sensors
 from studies.streaming import live_stream, ros2_package
-from studies.validation import calibration_check, firmware_check
-from studies.validation.calibration_check import FORCE_NOISE, READING_NOISE
+from studies.validation.devices import calibration_check, firmware_check
+from studies.validation.devices.calibration_check import FORCE_NOISE, READING_NOISE
 from studies.web.explorer_answers import Answers
 from studies.web.explorer_state import request_of
 

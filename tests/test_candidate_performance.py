@@ -26,7 +26,7 @@ from studies.sizing.variant_search import (
     spread,
     whole_front,
 )
-from studies.validation.random_sizing import held
+from studies.validation.devices.search_check import held
 
 NEEDED = Requirements(
     force_z=5.0, force_x=1.5, resolution_z=0.05, largest_strain=1.0, first_mode=50.0, outer_size=25.0

@@ -13,8 +13,8 @@ from analytic import beam, hall
 from geometry.design import paper
 from geometry.loads import Response
 from studies.cli import entry_point
-from studies.validation import claim_errors, claims
-from studies.validation.claim_errors import TIP_FIGURES, Press, States, formula, height_row
+from studies.validation.formulas import claim_errors, claims
+from studies.validation.formulas.claim_errors import TIP_FIGURES, Press, States, formula, height_row
 
 VERDICTS = {
     "the same, relative to the largest force": "not decidable",
@@ -33,12 +33,12 @@ NAN, approx = math.nan, pytest.approx
 def test_the_quick_study(tmp_path):
     """With the preset's magnet about 0.6 MPa make the claim true; the decoded force is the sum of its parts."""
     with contextlib.redirect_stdout(io.StringIO()) as said:
-        assert entry_point.main(["validate", "claims", "--quick", "--out", str(tmp_path), "--json"]) == 0
+        assert entry_point.main(["validate", "formulas", "claims", "--quick", "--out", str(tmp_path), "--json"]) == 0
     answers = {row["claim"]: row for row in map(json.loads, said.getvalue().splitlines())}
     assert {claim: answers[claim]["verdict"] for claim in VERDICTS} == VERDICTS
     assert {path.name for path in tmp_path.glob("[!.]*")} == set(claims.FILES)
     text = (tmp_path / "CLAIMS.md").read_text("utf-8")
-    assert "Made with `magtip validate claims --quick" in text
+    assert "Made with `magtip validate formulas claims --quick" in text
     assert all(f"]({name})" in text for name in claims.FILES if name.endswith(".png"))
     heights, parts = (pd.read_csv(tmp_path / f"{name}.csv") for name in ("heights", "parts"))
     own = heights[heights.magnet_height_mm == 2].iloc[0]

@@ -11,7 +11,8 @@ from fem.equilibrium import solve
 from fem.scene import turns
 from geometry.design import paper
 from geometry.loads import Load
-from studies.validation import crosscheck, error_study_cases
+from studies.validation import error_study_cases
+from studies.validation.errors import crosscheck
 
 LOAD = Load(depth=0.8, shear_x=0.4, friction="stick")
 
@@ -80,8 +81,3 @@ def test_upright_loads_are_those_of_the_accuracy_study_and_tilted_plates_cover_e
     assert {load.friction for load in loads} == {"none", "stick", 0.4}
     assert set(numbers) == set(range(12))
     assert [turns([load]) for load in loads].count(True) == 2
-
-
-@pytest.mark.parametrize("count", [0, 13])
-def test_a_count_out_of_range_is_a_sentence(refusal, count):
-    assert "between 1 and 12" in refusal("validate", "crosscheck", "--count", count)

@@ -14,7 +14,7 @@ import pytest
 from test_layers import HEAVY
 
 from studies.cli import commands
-from studies.cli.commands import ACTIONS, _joined, app
+from studies.cli.commands import _joined, app
 from studies.cli.parameters import LEFT_OUT, command
 from studies.output import atomic_files
 from studies.output.result import BROKEN_PIPE, INTERRUPTED
@@ -70,6 +70,13 @@ BAD = [
     ("validate verify --quick --out ''", "--out is empty: give it a value, or leave it out"),
     ("verify --quick", "verify is a study of validation: type magtip validate verify"),
     ("--depth 1", "Available commands: design, cad, mesh, catalogue"),
+    ("friction --quick", "friction is a part of the study verify: type magtip validate verify friction"),
+    ("validate trade", "trade is a part of the study errors: type magtip validate errors trade"),
+    (
+        "validate errors claims",
+        "errors has no part claims: choose one of accuracy, crosscheck, estimates, trade, vib",
+    ),
+    ("validate errors trade --tilted", "--tilted is an option of crosscheck: leave it out, or choose this part"),
     (
         "sweep --axis D=6,8 --depth 1 --workers 1 --scheduler x",
         "--workers is for processes on this machine and --scheduler for a cluster: give one of them",
@@ -182,7 +189,7 @@ def test_a_value_too_many_is_a_sentence(run, tmp_path):
     # the word after store or validate is one of its actions, and calibrate takes any number of files
     others = ("store", "validate", "calibrate")
     verbs = [name for name in app if not name.startswith("-") and name not in others]
-    for verb in (*verbs, "validate verify", "validate assumption"):
+    for verb in (*verbs, "validate verify", "validate bench"):
         # the word after catalogue is one of its kinds
         word = "magnets" if verb == "catalogue" else "first"
         status, out, err = run(*verb.split(), word, "t2.csv", "my", *NEEDED.get(verb, "").split())
@@ -220,8 +227,7 @@ def test_help_lists_the_verbs_in_groups_from_a_design_to_its_validation(run):
 
 def test_validate_lists_its_studies(run):
     listed = re.findall(r"^│ ([-\w]+)", run("validate")[1], re.MULTILINE)
-    assert listed[:4] == ["verify", "friction", "extremes", "accuracy"]
-    assert set(listed) == {name.strip("_").replace("_", "-") for name in ACTIONS["Validation"]["validate"][2].split()}
+    assert listed == ["bench", "devices", "errors", "formulas", "surrogate", "verify"]
 
 
 # Options, JSON keys and columns of version 0.2 (contract.json) are there: users' scripts depend on them.
@@ -292,8 +298,8 @@ LINES = [
     "layout paper --search --range f=5,8 --range l0=9 --count 3 --claim --level tip --clearance 0.2 --ignore-tilt",
     "layout design.toml --responses states.jsonl --mode magnitude --set hall_layout=tmag5273a1",
     "validate verify --quick --out 'a folder/with it'\"'\"'s quote'",
-    "validate crosscheck --accuracy standard --count 3",
-    "validate bench --quick --peers out/p --ccx /opt/ccx",
+    "validate errors crosscheck --accuracy standard --tilted",
+    "validate bench --quick --cases field",
     "solve paper --depth 1 --shear -1.5 --steps 2 --friction 0.5 --harmonics 3 --picture p.png",
     "readings paper --shift -1,0,0 --tilt 0,0.1 --seed 3",
     "cad paper --out c --mold shrink=0.01 --mold columns=2 --axis D=7,8 --tolerance 0.001",

@@ -16,9 +16,10 @@ from fem.results.error_estimates import table_rows
 from geometry.design import paper
 from studies.output import goals, provenance
 from studies.output.result import FAILED
-from studies.validation import accuracy_study, error_study_cases
-from studies.validation.accuracy_study import COUNT, QUANTITIES, Task, status, tangent_rows
+from studies.validation import error_study_cases
 from studies.validation.error_study_cases import TANGENT_SCENES
+from studies.validation.errors import accuracy_study
+from studies.validation.errors.accuracy_study import COUNT, QUANTITIES, Task, status, tangent_rows
 
 
 def task(scene, number=0, fineness=1):
@@ -107,7 +108,7 @@ def test_the_verb_writes_its_files_and_fails_on_a_broken_promise(monkeypatch, tm
     monkeypatch.setattr(
         accuracy_study, "run", lambda progress, quick=False, store=None: accuracy_study.result(known, quick=quick)
     )
-    status, out, err = run("validate", "accuracy", "--out", tmp_path, "--json")
+    status, out, err = run("validate", "errors", "accuracy", "--out", tmp_path, "--json")
     assert status == FAILED
     assert "largest error: 3.1 %, goal at most 3 %" in err
     assert all(json.loads(line)["quantity"] for line in out.splitlines())

@@ -10,8 +10,8 @@ import pytest
 from fem.accuracy import FINE, QUICK, coarser
 from fem.equilibrium import trace
 from geometry.bad_input import BadInput
-from studies.validation import estimates
-from studies.validation.estimates import KINDS, draw, finer, meshes
+from studies.validation.errors import estimates
+from studies.validation.errors.estimates import KINDS, draw, finer, meshes
 
 
 def test_draws_are_the_same_again_and_cover_the_range():

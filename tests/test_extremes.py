@@ -15,8 +15,8 @@ from fem.solve.direct_solver import Stability
 from geometry.design import LEAST_WALL, BadInput, Design, paper
 from geometry.loads import Load
 from studies.output.result import FAILED, GOOD
-from studies.validation import extremes
-from studies.validation.extremes import Case, Measurement, press
+from studies.validation.verify import extremes
+from studies.validation.verify.extremes import Case, Measurement, press
 
 SCENES = {scene.name: scene for scene in extremes.cases(quick=True)}
 SLOW = {
@@ -143,16 +143,16 @@ def test_the_command_prints_and_writes_a_row_per_scene_and_one_that_is_not_judge
 ):
     refused = replace(SMALL, name="refused", changes={"L": 3.0}, ends=("bad_input",))
     monkeypatch.setattr(extremes, "cases", lambda quick: [SMALL, refused])
-    status, out, err = run("validate", "extremes", "--quick", "--json", "--out", tmp_path)
+    status, out, err = run("validate", "verify", "extremes", "--quick", "--json", "--out", tmp_path)
     rows = strict(out)
     assert (status, err, [row["scene"] for row in rows]) == (GOOD, "", ["small", "refused"])
     assert rows[0]["measured"] <= rows[0]["bound"]
     report = (tmp_path / "EXTREMES.md").read_text("utf-8")
     assert "2 of 2 cases pass, 0 fail, 0 are not judged" in report
-    assert f"Made with `magtip validate extremes --quick --out {tmp_path}`" in report
+    assert f"Made with `magtip validate verify extremes --quick --out {tmp_path}`" in report
     unmeasured = replace(SMALL, name="open", measure=lambda _, states: Measurement("nothing to compare with"))
     monkeypatch.setattr(extremes, "cases", lambda quick: [SMALL, unmeasured, replace(SMALL, name="off", bound=1e-12)])
-    status, out, err = run("validate", "extremes", "--out", tmp_path)
+    status, out, err = run("validate", "verify", "extremes", "--out", tmp_path)
     assert status == FAILED
     assert "not judged  open" in out
     assert "FAIL  off" in out

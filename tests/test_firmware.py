@@ -21,7 +21,7 @@ from studies.firmware.decoder_export import STATUSES
 from studies.output.goals import missed
 from studies.parts.requirements import Requirements
 from studies.sensing import decode_readings
-from studies.validation import firmware_check
+from studies.validation.devices import firmware_check
 
 pytestmark = pytest.mark.calibrates
 

@@ -27,8 +27,8 @@ from studies.firmware.decoder_export import STATUSES
 from studies.inputs.option_groups import Streaming
 from studies.parts.part_tolerances import tolerances
 from studies.streaming import live_stream
-from studies.validation import firmware_check
-from studies.validation.calibration_check import FORCE_NOISE, READING_NOISE
+from studies.validation.devices import firmware_check
+from studies.validation.devices.calibration_check import FORCE_NOISE, READING_NOISE
 
 pytestmark = pytest.mark.calibrates
 

@@ -8,7 +8,7 @@ import pytest
 from geometry.bad_input import SolveFailed
 from geometry.loads import Load
 from studies.output import result
-from studies.validation import extremes, friction
+from studies.validation.verify import extremes, friction
 
 
 @pytest.fixture(scope="module")
@@ -23,10 +23,10 @@ def test_full_slip_is_told_from_a_wrong_coefficient_and_a_way_there_is_no_closed
     wrong = [replace(state, load=replace(state.load, friction=0.12)) for state in states]
     assert (check["passed"], friction.full_slip(wrong)["passed"]) == (True, False)
     assert not any(each["passed"] for each in friction.closed([*states, states[0]]))
-    result.write(friction.result([check], [states], states), tmp_path, "magtip validate friction --quick")
+    result.write(friction.result([check], [states], states), tmp_path, "magtip validate verify friction --quick")
     report = (tmp_path / "FRICTION.md").read_text()
     assert "1 of 1 checks pass" in report
-    assert "`magtip validate friction --quick`" in report
+    assert "`magtip validate verify friction --quick`" in report
     assert (tmp_path / "friction.png").is_file()
     assert (tmp_path / "friction.csv").read_text().startswith("check,quantity")
 
@@ -34,7 +34,7 @@ def test_full_slip_is_told_from_a_wrong_coefficient_and_a_way_there_is_no_closed
 def test_the_verb_fails_when_a_check_does(run, strict, monkeypatch):
     check = friction._check("onset", "force", 1.1, 1.0, 0.01)
     monkeypatch.setattr(friction, "run", lambda progress, quick=False: friction.result([check], [], []))
-    status, out, err = run("validate", "friction", "--json")
+    status, out, err = run("validate", "verify", "friction", "--json")
     assert status == 3
     assert strict(out) == [check]
     assert "1 of 1 checks fail" in err

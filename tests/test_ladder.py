@@ -8,7 +8,8 @@ from fem.accuracy import QUICK
 from fem.equilibrium import solve
 from geometry.loads import Load
 from studies.output import goals, result
-from studies.validation import error_study_cases, ladder
+from studies.validation import error_study_cases
+from studies.validation.formulas import ladder
 
 PRESS = {"sinking_error": 0.03, "press_force_error": -0.04}
 SHEAR = {"sinking_error": 0.01, "press_under_shear_error": 0.02, "shear_force_error": 0.05, "shift_error": 0.01}
@@ -60,7 +61,7 @@ def test_a_state_without_a_comparison_misses_a_goal(comparisons):
 
 def test_errors_are_those_of_solves_and_formulas(tmp_path):
     """One design by the engine; the press force before a shear is that of the formula at the same depth."""
-    rows = ladder.run(lambda share, text: None, "quick", 1, tmp_path / "states.sqlite").frame("ladder")
+    rows = ladder.run(lambda share, text: None, quick=True, store=tmp_path / "states.sqlite").frame("ladder")
     assert len(rows) == 14 * len(beam.LEVELS)
     row = rows.query("level == 'finite' and depth_over_D == 0.12 and shear_over_D == 0.15").iloc[0]
     design, load = error_study_cases.designs("ladder")[0], Load(0.96, 1.2, friction="stick")
@@ -72,7 +73,7 @@ def test_errors_are_those_of_solves_and_formulas(tmp_path):
 
 
 def test_report(comparisons, tmp_path):
-    result.write(ladder.result(comparisons), tmp_path, "magtip validate ladder")
+    result.write(ladder.result(comparisons), tmp_path, "magtip validate formulas ladder")
     text = (tmp_path / "LADDER.md").read_text("utf-8")
     for level in beam.LEVELS:
         assert f"| {level} | press to 0.06 D | 1 | 4 | 3 |" in text

@@ -18,7 +18,7 @@ from studies.mechanics import model_choice, prediction, surrogate_file, surrogat
 from studies.mechanics.model_choice import Choice, Statement, choose, region, statements, unmet
 from studies.mechanics.surrogate_file import GaussianProcess, correlation, with_constant
 from studies.mechanics.surrogate_response import respond
-from studies.validation.surrogate_training import random_beams
+from studies.validation.surrogate.surrogate_training import random_beams
 
 PAPER = (np.array([1.125]), np.array([0.5]), np.array([0.25]), np.array([0.4998]))
 
@@ -275,7 +275,7 @@ def test_the_shipped_rule_is_that_of_the_committed_results():
 
 
 def test_the_shipped_rule_is_of_the_versions_of_today():
-    """Fails when a model's answers have changed: then `magtip validate trade --confirm` must be made again."""
+    """Fails when a model's answers have changed: then `magtip validate errors trade --confirm` must be made again."""
     assert model_choice.outdated() == ()
     assert len(statements()) == len(json.loads(model_choice.DATA.read_text("utf-8"))["statements"])
 

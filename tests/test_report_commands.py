@@ -83,19 +83,13 @@ def section(path):
 @pytest.mark.parametrize(
     ("name", "least"),
     [
-        ("accuracy", 1),
-        ("assumption", 11),
-        ("claims", 3),
-        ("crosscheck", 1),
         ("demo", 9),
-        ("extremes", 1),
+        ("errors", 3),
         ("field", 1),
-        ("friction", 1),
-        ("ladder", 1),
+        ("formulas", 15),
         ("stability", 1),
         ("sweep", 5),
-        ("trade", 1),
-        ("verify", 1),
+        ("verify", 3),
     ],
 )
 def test_committed_results_have_their_figures(name, least):

@@ -17,7 +17,7 @@ from studies.calibration import (
 )
 from studies.parts.part_tolerances import tolerances
 from studies.simulation import mechanics_sources
-from studies.validation.calibration_check import FORCE_NOISE, READING_NOISE
+from studies.validation.devices.calibration_check import FORCE_NOISE, READING_NOISE
 
 
 @pytest.fixture(scope="module")

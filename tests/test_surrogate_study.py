@@ -14,9 +14,9 @@ from studies.mechanics.prediction import Beams
 from studies.mechanics.surrogate_file import GaussianProcess
 from studies.output.goals import missed
 from studies.output.result import write
-from studies.validation import surrogate_study
-from studies.validation.surrogate_study import Extent, recalibrated, scores, widest_points
-from studies.validation.surrogate_training import (
+from studies.validation.surrogate import surrogate_study
+from studies.validation.surrogate.surrogate_study import Extent, recalibrated, scores, widest_points
+from studies.validation.surrogate.surrogate_training import (
     conformal_quantile,
     corners,
     design,

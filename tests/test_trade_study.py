@@ -16,9 +16,9 @@ from studies.cli import entry_point
 from studies.mechanics import model_choice
 from studies.mechanics.model_choice import Statement
 from studies.output import atomic_files, goals, result
-from studies.validation import trade
 from studies.validation.error_study_cases import designs
-from studies.validation.trade import (
+from studies.validation.errors import trade
+from studies.validation.errors.trade import (
     COLUMNS,
     KINDS,
     PLAN,
@@ -30,7 +30,7 @@ from studies.validation.trade import (
     true_errors,
 )
 
-COMMAND = ("validate", "trade", "--quick", "--designs", "2", "--json")
+COMMAND = ("validate", "errors", "trade", "--quick", "--json")
 
 
 def test_every_run_has_a_reference():
@@ -46,14 +46,14 @@ def test_a_reduced_run_measures_errors_and_costs_and_writes_all_files(tmp_path, 
         size, patch, *others = own["steps"][0]
         # references coarser by one more step
         monkeypatch.setitem(own, "steps", [[1.4 * size, 1.4 * patch, *others], *own["steps"]])
-    solve_apart, solved = trade.bench.magtip, []
+    solve_apart, solved = trade.speed.magtip, []
 
     def once(task):
         """A process of its own for the first path; the others cost as much."""
         solved.append(solved[0] if solved else solve_apart(task))
         return solved[-1]
 
-    monkeypatch.setattr(trade.bench, "magtip", once)
+    monkeypatch.setattr(trade.speed, "magtip", once)
     with contextlib.redirect_stdout(io.StringIO()) as out:
         assert entry_point.main([*COMMAND, "--out", str(tmp_path)]) == 0
     rows = [json.loads(line) for line in out.getvalue().splitlines()]
@@ -66,10 +66,6 @@ def test_a_reduced_run_measures_errors_and_costs_and_writes_all_files(tmp_path, 
     assert {path.name for path in tmp_path.glob("[!.]*")} == set(trade.FILES) - {"confirm.csv"}
     table = pd.read_csv(tmp_path / "trade.csv")
     assert set(table.model) == {"formula", "surrogate", "axisymmetric", "harmonic"}
-
-
-def test_the_number_of_designs_is_checked(refusal):
-    assert "between 2 and 24; got 1" in refusal("validate", "trade", "--designs", "1")
 
 
 # Designs, loads, models and references of the study of cost and error
@@ -185,12 +181,12 @@ def test_the_report_names_model_errors_confirmation_and_command(tmp_path):
     case = {"kind": "press", "design": 0, "depth_mm": 0.4, "shear_mm": 0.0, "tolerance": 0.01}
     case |= {"model": "axisymmetric quick", "status": "exceeded", "expected": 0.01, "error": 0.012}
     found = trade.result(pd.DataFrame(STATES), [], [case], ["press"], "")
-    result.write(found, tmp_path, "magtip validate trade --out out/trade")
+    result.write(found, tmp_path, "magtip validate errors trade --out out/trade")
     page = (tmp_path / "TRADE.md").read_text("utf-8")
     assert {path.name for path in tmp_path.glob("[!.]*")} == set(trade.FILES)
     assert "| axisymmetric | quick | 3 | 3 of 3 | 0.5 / 1 |" in page
     assert "error 1.2 %" in page
-    assert "Made with `magtip validate trade --out out/trade`, on Python" in page
+    assert "Made with `magtip validate errors trade --out out/trade`, on Python" in page
 
 
 # The rule that follows from measured errors, and its confirmation

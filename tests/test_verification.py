@@ -12,9 +12,10 @@ from geometry.bad_input import SolveFailed
 from studies.cli import entry_point
 from studies.output.result import FAILED, GOOD
 from studies.simulation import mesh_convergence
-from studies.validation import manufactured_solutions, motion_problems, pages, static_problems, verify
+from studies.validation import pages
+from studies.validation.verify import manufactured_solutions, motion_problems, problems, static_problems
 
-QUICK = {target["name"]: target for target in verify.targets(quick=True)}
+QUICK = {target["name"]: target for target in problems.targets(quick=True)}
 BONDED = "clamped cylinder, bonded base, nu = 0.4998"
 PLANE = "manufactured, plane strain triangle"
 """Its triangles are those of the axisymmetric one, of which models are made."""
@@ -24,7 +25,7 @@ RNG = np.random.default_rng(3)
 
 @pytest.mark.parametrize("name", [name for name in QUICK if name not in (BONDED, PLANE, SIGNS)])
 def test_target_on_its_quick_meshes(name):
-    for comparison in verify.evaluate(QUICK[name]):
+    for comparison in problems.evaluate(QUICK[name]):
         assert comparison["passed"], comparison
         if name == "Cook's membrane":
             assert 1.0 < comparison["order"] < 1.6, "the clamped corner sets the order"
@@ -32,7 +33,7 @@ def test_target_on_its_quick_meshes(name):
 
 def test_a_bonded_incompressible_base_is_stiffer_than_the_theory_and_only_that_base():
     """The one target that is missed for a reason in the theory: a row in D/L, which a free base does not have."""
-    missed = verify.evaluate(QUICK[BONDED])
+    missed = problems.evaluate(QUICK[BONDED])
     assert not any(comparison["passed"] for comparison in missed)
     assert all(comparison["note"].startswith("in beam theory the clamped") for comparison in missed)
     bonded, free = (
@@ -61,7 +62,7 @@ def test_frequencies_of_a_slender_beam_are_euler_s():
 
 
 def test_the_full_run_has_the_same_targets_and_some_more_on_finer_meshes():
-    full = {target["name"]: target for target in verify.targets()}
+    full = {target["name"]: target for target in problems.targets()}
     assert [name for name in full if name in QUICK] == list(QUICK)
     assert all(full[name]["meshes"][-1] >= target["meshes"][-1] for name, target in QUICK.items())
     # test_timed_path.py has energy and order at a reduced size
@@ -140,14 +141,14 @@ def test_richardson_recovers_a_power_law_and_gives_up_where_the_meshes_tell_noth
         assert all(math.isnan(value) for value in mesh_convergence.richardson((1, 2, 4)[: len(values)], values))
 
 
-def pose(monkeypatch, problems, meshes):
+def pose(monkeypatch, posed, meshes):
     """Let `verify` have these problems, whose one quantity is 1 within 0.1, and expect none to be missed."""
     rows = []
     monkeypatch.setattr(pages, "EXPECTED", {})
-    for name, solve in problems.items():
+    for name, solve in posed.items():
         monkeypatch.setattr(static_problems, name, solve, raising=False)
         rows.append({"name": name, "source": "me", "solve": name, "quantities": [["q", 1.0, 0.1]], "meshes": meshes})
-    monkeypatch.setattr(verify, "targets", lambda quick: rows)
+    monkeypatch.setattr(problems, "targets", lambda quick: rows)
 
 
 def test_a_missed_and_an_unsolved_target_fail_and_say_so(monkeypatch, tmp_path, capsys):
@@ -156,7 +157,7 @@ def test_a_missed_and_an_unsolved_target_fail_and_say_so(monkeypatch, tmp_path, 
 
     problems = {"good": lambda n: 1.0, "missed": lambda n: 1.2, "unsolved": unsolved}
     pose(monkeypatch, problems, meshes=[1])
-    assert entry_point.main(["validate", "verify", "--out", str(tmp_path), "--json"]) == FAILED
+    assert entry_point.main(["validate", "verify", "problems", "--out", str(tmp_path), "--json"]) == FAILED
     said = capsys.readouterr()
     assert "2 of 3 targets are missed: missed (q), unsolved (q)" in said.err
     assert said.out.count("\n") == 3
@@ -169,7 +170,7 @@ def test_a_missed_and_an_unsolved_target_fail_and_say_so(monkeypatch, tmp_path, 
 
 def test_all_met_is_status_zero(monkeypatch, capsys):
     pose(monkeypatch, {"good": lambda n: 1 + n**-2.0}, meshes=[4, 8, 16])
-    assert entry_point.main(["validate", "verify"]) == GOOD
+    assert entry_point.main(["validate", "verify", "problems"]) == GOOD
     assert "good" in capsys.readouterr().out
 
 
@@ -185,7 +186,7 @@ def test_all_met_is_status_zero(monkeypatch, capsys):
 def test_just_the_expected_misses_are_status_zero(monkeypatch, capsys, expected, status, said):
     pose(monkeypatch, {"good": lambda n: 1.0, "missed": lambda n: 1.2}, meshes=[1])
     monkeypatch.setattr(pages, "EXPECTED", {"verify": {"full": expected}})
-    assert entry_point.main(["validate", "verify"]) == status
+    assert entry_point.main(["validate", "verify", "problems"]) == status
     err = capsys.readouterr().err
     assert "1 of 2 targets are missed: missed (q)" in err
     assert said in err
@@ -208,7 +209,7 @@ def test_a_percentile_is_the_least_value_that_the_share_does_not_exceed():
 
 
 def test_linear_overstresses_have_steps_of_negative_dissipation_at_large_strain_only():
-    assert all(comparison["passed"] for comparison in verify.evaluate(QUICK[SIGNS]))
+    assert all(comparison["passed"] for comparison in problems.evaluate(QUICK[SIGNS]))
     closed, steps = motion_problems.signs("prony", 100)
     assert closed.min() > 0.07
     assert steps[0] > -1e-12

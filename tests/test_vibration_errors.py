@@ -10,7 +10,7 @@ from geometry.loads import Load
 from studies.output import goals
 from studies.simulation import response_curves
 from studies.simulation.response_curves import Curves
-from studies.validation import vibration_check
+from studies.validation.errors import vibration_check
 
 SCENE = Scene(paper(), (Load(1.0),), QUICK, "rigid", "axisymmetric")
 FREQUENCIES = np.geomspace(1.0, 100.0, 21)

@@ -7,7 +7,7 @@ import pytest
 
 from analytic.hall import field_at
 from geometry.design import paper
-from studies.validation import winners
+from studies.validation.devices import winners
 
 pytestmark = pytest.mark.calibrates
 

@@ -33,8 +33,8 @@ __all__ = ["SmallShear", "small_shear"]
 
 EDGE = 0.5
 """Edge length at the edge of the glued area over that of a shear along a path: an infinitesimal shear depends more
-on where exactly the press ends. At 1 the stiffness of one design of `magtip validate accuracy` was 4.7 % off at
-quick."""
+on where exactly the press ends. At 1 the stiffness of one design of `magtip validate errors accuracy` was 4.7 % off
+at quick."""
 ROUGH = 0.3
 """Edge length over D of the mesh on which the edge of the contact is located; it is refined there."""
 

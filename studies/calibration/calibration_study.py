@@ -53,7 +53,7 @@ SIZES = (12, 30, 100, 300, 1000, 3000)
 TOGETHER, IRRELEVANT = 0.9, 0.05
 """Correlation of two unknowns that is told; share of the force's variance below which it does not depend on them."""
 SOLVED_ERROR = 0.01
-"""Relative standard deviation of the forces of solved states: level standard is within 1 % (results/accuracy)."""
+"""Relative standard deviation of the forces of solved states: level standard is within 1 % (results/errors)."""
 SAME = 0.9
 """Posterior over prior standard deviation from which the rows say nothing about an unknown."""
 PATTERN = 4.0

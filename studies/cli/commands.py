@@ -22,6 +22,7 @@ from cyclopts import (
     Group,
     MissingArgumentError,
     Parameter,
+    UnknownCommandError,
     UnknownOptionError,
     UnusedCliTokensError,
 )
@@ -62,20 +63,8 @@ VERBS = {
     "Validation": {},
 }
 """Groups of verbs in the order of `--help`: modules of this package, and their functions that are verbs."""
-STUDIES = (
-    *("verify", "friction", "extremes", "accuracy", "vibration", "crosscheck", "ladder", "range_", "claims"),
-    *("assumption", "bench", "trade", "search", "calibration", "firmware", "surrogate"),
-)
-"""Studies of validation in the order of their list; those that are not named here follow."""
-
-
-def _with_pages() -> list[str]:
-    """Return the modules of validation with a page template of their name: they are studies without another entry."""
-    folder = Path(__file__).parents[1] / "validation"
-    pages = sorted(page.name.partition(".")[0] for page in folder.glob("templates/*.md.j2"))
-    return [name for name in pages if (folder / f"{name}.py").exists()]
-
-
+VALIDATION = Path(__file__).parents[1] / "validation"
+"""Folder whose sub-packages are the verbs of `validate`."""
 ACTIONS = {
     "Exploration": {
         "store": (
@@ -88,7 +77,7 @@ ACTIONS = {
         "validate": (
             "Run a study of how far the answers can be trusted, and what they cost.",
             "validation_commands",
-            " ".join(dict.fromkeys([*STUDIES, *_with_pages()])),
+            " ".join(sorted(package.parent.name for package in VALIDATION.glob("*/__init__.py"))),
         ),
     },
 }
@@ -136,10 +125,16 @@ def _unknown(error: UnknownOptionError) -> str:
     return f"there is no option {option}{f': {remedy}' if known else ''}"
 
 
-def _moved(words: list[str]) -> str:
-    """Return a sentence for a study that was a verb of its own before; empty for other command lines."""
-    moved = words[:1] and words[0] not in app and words[0] in app["validate"]
-    return f"{words[0]} is a study of validation: type magtip validate {words[0]}" if moved else ""
+def _moved(error: UnknownCommandError) -> str:
+    """Return a sentence for a study, or a part of one, that was a verb of its own before; else that of the error."""
+    words = list(error.root_input_tokens or [])
+    word = words[1] if words[:1] == ["validate"] else words[0]
+    if word in app["validate"]:
+        return f"{word} is a study of validation: type magtip validate {word}"
+    found = [path.parent.name for path in VALIDATION.glob("*/*.py") if path.stem.partition("_")[0] == word]
+    return (
+        f"{word} is a part of the study {found[0]}: type magtip validate {found[0]} {word}" if found else str(error)
+    )
 
 
 def _missing(error: MissingArgumentError) -> str:
@@ -179,6 +174,7 @@ def as_options(message: str) -> str:
 
 
 REMEDIES: dict[type[Exception], Callable[[Any], str]] = {
+    UnknownCommandError: _moved,
     UnknownOptionError: _unknown,
     MissingArgumentError: _missing,
     UnusedCliTokensError: _unused,
@@ -219,7 +215,7 @@ def run(tokens: list[str] | None = None) -> int:
             status = app(words, exit_on_error=False, print_error=False, result_action="return_value")
             sys.stdout.flush()
     except (BadInput, CycloptsError) as error:
-        sentence = REMEDIES.get(type(error), lambda error: _moved(words) or str(error))(error)
+        sentence = REMEDIES.get(type(error), str)(error)
         console.say(f"magtip: {as_options(sentence)}")
         return FAILED if isinstance(error, OutOfReach) else BAD
     except SolveFailed as error:

@@ -1,52 +1,96 @@
-"""The studies of `magtip validate`, each with its page in a folder: do the answers hold, and what do they cost?"""
+"""The verbs of `magtip validate`: do the answers hold, and what do they cost?
+
+A verb is a sub-package of `studies.validation`, whose docstring is its help. Its parts are the modules with `FILES`
+in it: a part is called by the first word of its module, and its function `run` is what it does. The options of a verb
+are those of its parts, with the help of their docstrings.
+"""
 
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable
-from functools import partial, update_wrapper
+import pkgutil
+import re
+from collections.abc import Callable, Sequence
+from functools import partial
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from types import ModuleType
+from typing import Annotated, Any
 
-from studies import validation
+from cyclopts import Parameter
+
+from geometry.bad_input import BadInput
 from studies.cli.parameters import KEYWORD, POSITIONAL, Call, verb
 from studies.output.result import publish
 
-MODULES = {
-    "accuracy": "accuracy_study",
-    "range_": "design_range",
-    "surrogate": "surrogate_study",
-    "vibration": "vibration_check",
-    "calibration": "calibration_check",
-    "firmware": "firmware_check",
-    "search": "random_sizing",
-}
-"""Modules of studies that have other names."""
-INPUTS = ("store", "study", "states", "trained")
-"""Options whose files no output may replace."""
+COMMAND = "command"
+"""Argument of a part that is no option: the command line that makes its result again."""
 
 
 def __getattr__(name: str) -> Callable[..., int]:
-    """Return the verb of a module of `studies.validation`: its `run`, whose docstring is the help, with --out.
-
-    Such a module has `FILES`, and options with defaults behind the progress of `run`, which may also take the
-    `command` that makes the result again.
-    """
-    module = MODULES.get(name, name)
-    if not (Path(validation.__file__).parent / f"{module}.py").exists():
+    """Return the verb of a sub-package of `studies.validation`."""
+    if name.startswith("_"):
         raise AttributeError(name)
-    study = import_module(f"studies.validation.{module}")
-    options = list(inspect.signature(study.run, eval_str=True).parameters.values())[1:]
-    own = [
-        one.replace(kind=POSITIONAL if one.name == "study" else KEYWORD) for one in options if one.name != "command"
-    ]
+    package = import_module(f"studies.validation.{name}")
+    parts = parts_of(package)
+    own = [*_options(parts).values()]
+    if len(parts) > 1:
+        words = Parameter(name="PART", help=f"Run one part: {', '.join(parts)}; default: all.")
+        own.insert(0, inspect.Parameter("part", POSITIONAL, default=None, annotation=Annotated[str | None, words]))
 
     def run(call: Call, *words: Any, **given: Any) -> int:
-        here = call.here(study.FILES, [call.arguments.get(key) for key in INPUTS])
-        chosen = {one.name: call.arguments.get(one.name, here.command) for one in options}
-        return publish(partial(study.run, **chosen), here)
+        part = call.arguments.get("part")
+        if part not in (None, *parts):
+            raise BadInput(f"{name} has no part {part}: choose one of {', '.join(parts)}, or leave it out")
+        chosen = {key: module for key, module in parts.items() if part in (None, key)}
+        _check_options(call, chosen, parts)
+        inputs = [value for key, value in call.arguments.items() if key != "out" and isinstance(value, Path)]
+        here = call.here([file for module in chosen.values() for file in module.FILES], inputs)
+        known = {**call.arguments, COMMAND: here.command}
+        studies = {
+            key: partial(module.run, **{one.name: known[one.name] for one in _arguments(module)})
+            for key, module in chosen.items()
+        }
+        return publish(partial(import_module("studies.validation.pages").report, studies=studies), here)
 
-    update_wrapper(run, study.run, ("__doc__",), ()).__name__ = name
+    run.__name__, run.__doc__ = name, package.__doc__
     vars(run)["__signature__"] = inspect.Signature([inspect.Parameter("call", POSITIONAL), *own])
-    return verb("wide as_json", out="Folder for the page, tables and pictures of the study.")(run)
+    return verb("wide as_json", out="Folder for the pages, tables and pictures.")(run)
+
+
+def parts_of(package: ModuleType) -> dict[str, ModuleType]:
+    modules = [import_module(f"{package.__name__}.{each.name}") for each in pkgutil.iter_modules(package.__path__)]
+    names = {module: module.__name__.rpartition(".")[2].partition("_")[0] for module in modules}
+    return {name: module for module, name in names.items() if hasattr(module, "FILES")}
+
+
+def _arguments(part: ModuleType) -> Sequence[inspect.Parameter]:
+    """Return the arguments of a part behind its progress."""
+    return list(inspect.signature(part.run, eval_str=True).parameters.values())[1:]
+
+
+def _options(parts: dict[str, ModuleType]) -> dict[str, inspect.Parameter]:
+    """Return the options of some parts: one that several have has the help of each."""
+    found: dict[str, inspect.Parameter] = {}
+    helps: dict[str, dict[str, list[str]]] = {}
+    for part, module in parts.items():
+        texts = dict(re.findall(r"^(\w+)\n((?:    .+\n?)+)", inspect.getdoc(module.run) or "", re.MULTILINE))
+        for one in _arguments(module):
+            if one.name != COMMAND:
+                found.setdefault(one.name, one)
+                text = " ".join(texts.get(one.name, "").split())
+                helps.setdefault(one.name, {}).setdefault(text, []).append(part)
+    for name, one in found.items():
+        said = [text if len(own) == len(parts) else f"{', '.join(own)}: {text}" for text, own in helps[name].items()]
+        found[name] = one.replace(kind=KEYWORD, annotation=Annotated[one.annotation, Parameter(help=" ".join(said))])
+    return found
+
+
+def _check_options(call: Call, chosen: dict[str, ModuleType], parts: dict[str, ModuleType]) -> None:
+    """Refuse options that no chosen part has."""
+    taken = {one.name for module in chosen.values() for one in _arguments(module)}
+    for part, module in parts.items():
+        for one in _arguments(module):
+            if one.name not in {*taken, COMMAND} and call.arguments[one.name] != one.default:
+                option = f"--{one.name.replace('_', '-')}"
+                raise BadInput(f"{option} is an option of {part}: leave it out, or choose this part")

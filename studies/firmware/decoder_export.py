@@ -59,7 +59,7 @@ SIZES = (
 )
 """Cells of the grid of starts, and coefficients of the field along r and z; the first that fit are taken."""
 CODE, CALIBRATED_CODE, WARM_CODE = 10_300, 450, 900
-"""Bytes beside the tables of a program for a Cortex-M4F with -Os, functions of math.h included (results/firmware);
+"""Bytes beside the tables of a program for a Cortex-M4F with -Os, functions of math.h included (results/devices);
 those of a calibration's intervals, and of its temperature."""
 MOST_FLASH = 1_000_000
 WORST = 0.5

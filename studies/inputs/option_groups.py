@@ -43,7 +43,7 @@ ACCURACY = Parameter(help="Accuracy of mesh and harmonics.")
 STANDARD = Parameter(help="Accuracy of mesh and harmonics; default: standard.")
 TOLERANCE = Parameter(
     help="Largest relative error, such as 1% or 0.01: choose the cheapest model whose errors in "
-    "`magtip validate trade` meet it, instead of --accuracy."
+    "`magtip validate errors trade` meet it, instead of --accuracy."
 )
 STORE = Parameter(
     help="File that keeps all solved states; default: the user's, or the one that the environment variable "

@@ -1,10 +1,10 @@
 """The cheapest model whose measured error meets a tolerance, for a design and its loads (option --tolerance).
 
-The errors come from `magtip validate trade`: every model on twenty-four designs against extrapolated references, by
-kind of scene and by region of the loads. They are frozen in model_choice.json beside this module, with the versions
-of the models: statements of another version do not count. Force, shift and tilt count
-as vectors, relative to the reference; readings in percent of full scale; and of a shear the force along it, relative
-to itself. A choice meets the tolerance in all of them.
+The errors come from `magtip validate errors trade`: every model on twenty-four designs against extrapolated
+references, by kind of scene and by region of the loads. They are frozen in model_choice.json beside this module, with
+the versions of the models: statements of another version do not count. Force, shift and tilt count as vectors,
+relative to the reference; readings in percent of full scale; and of a shear the force along it, relative to itself.
+A choice meets the tolerance in all of them.
 
 The force along a shear vanishes where the press buckles, so that its relative error has no bound that holds for all
 loads. Its measured bound is therefore relative to the larger one of this force and that of the unpressed beam
@@ -37,7 +37,7 @@ from geometry.loads import Load, Magnet, Response
 
 Kind = Literal["press", "glued shear", "friction"]
 DATA = Path(__file__).with_name("model_choice.json")
-"""Statements of the rule, written by `magtip validate trade` and copied here by hand after a look at its report."""
+"""Statements of the rule, written by `magtip validate errors trade` and copied by hand after a look at its report."""
 LIGHT, NEAR = 0.06, 0.15
 """Depth of a light press and largest shear of region "near", over D."""
 SHALLOWEST, FARTHEST, DEEPEST = 0.01, 0.3, 0.5

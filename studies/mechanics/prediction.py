@@ -12,7 +12,7 @@ beams and loads (`PRESS_FORMS`, `shear_forms`):
   press, which therefore goes over into the shear continuously.
 
 Half widths are those of 90 % intervals: of nine beams in ten they hold at all loads
-(`studies.validation.surrogate_training`). They are the spread g of the process, times a quantile, by region and node,
+(`studies.validation.surrogate`). They are the spread g of the process, times a quantile, by region and node,
 of errors over g, times a yardstick: the value itself, the length of the vector of force or shift in a shear, or 1 -
 k/k_0. Beams and loads outside the range have NaN, and `Beams.outside` says why; so have shears above a press that is
 not known to stay upright (`Beams.stable_to`), where the equilibrium depends on the path. Values of presses are those

@@ -16,7 +16,7 @@ Matern's correlation of order 5/2 with a length scale l_i for each input (Rasmus
 
 and its spread relative to s_q is g(x)^2 = 1 + nugget - k K^-1 k + u (H^T K^-1 H)^-1 u with u = h(x) - H^T K^-1 k.
 The spread is the same for all outputs, and is used for its shape over x only: intervals are calibrated on errors
-(see `studies.validation.surrogate_training`). Everything follows from the training points within 20 ms, so files hold
+(see `studies.validation.surrogate`). Everything follows from the training points within 20 ms, so files hold
 these alone.
 """
 

@@ -84,6 +84,7 @@ class Result:
     warnings, remarks : sentences on standard error, `remarks` those without the word warning.
     failures : sentences that say why the exit status is 3; without them it is 0.
     design : fields of the design for run.json, empty if there is no single one; None writes no run.json.
+    parts : results of which this one consists, printed and written one after the other before its own.
     """
 
     title: str
@@ -98,6 +99,7 @@ class Result:
     remarks: Sequence[str] = ()
     failures: Sequence[str] = ()
     design: Mapping[str, Any] | None = None
+    parts: Sequence[Result] = ()
 
     def frame(self, table: str) -> pd.DataFrame:
         """Return one of the tables as a DataFrame."""
@@ -155,7 +157,7 @@ def publish(study: Callable[[Progress], Result], here: Destination) -> int:
         with atomic_files.results(here.out, here.names) as folder, console.progress(as_json=here.as_json) as progress:
             result = study(progress)
             if folder is not None:
-                progress(1.0, ", ".join([*(f"{name}.csv" for name in result.tables), *result.files, *result.pages]))
+                progress(1.0, ", ".join(names(result)))
                 write(result, folder, here.command)
     except Interrupted as stop:
         show(stop.result, here)
@@ -169,10 +171,18 @@ def check_files(here: Destination) -> None:
     atomic_files.check_apart(atomic_files.inside(here.out, names), here.inputs)
 
 
+def names(result: Result) -> list[str]:
+    """Return the names of the files of a result, but run.json."""
+    own = [*(f"{name}.csv" for name in result.tables), *result.files, *result.pages]
+    return [name for part in result.parts for name in names(part)] + own
+
+
 def write(result: Result, folder: Path, command: str) -> None:
     """Write tables, files, pages and run.json into an existing folder."""
     from studies.output.table_files import write_table
 
+    for part in result.parts:
+        write(part, folder, command)
     origin = versions(result.packages)
     for name, rows in result.tables.items():
         write_table(folder / f"{name}.csv", rows, result.digits)
@@ -186,6 +196,7 @@ def write(result: Result, folder: Path, command: str) -> None:
 
 def show(result: Result, here: Destination) -> int:
     """Print a result, and return its exit status."""
+    of_parts = [show(part, here) for part in result.parts]
     if here.as_json:
         console.report(result.records, as_json=True)
     else:
@@ -196,7 +207,7 @@ def show(result: Result, here: Destination) -> int:
         console.warn(warning)
     for sentence in (*result.remarks, *result.failures):
         console.say(f"magtip: {sentence}")
-    return FAILED if result.failures else GOOD
+    return FAILED if result.failures else max(of_parts, default=GOOD)
 
 
 def _show_block(block: Block, *, wide: bool) -> None:

@@ -11,7 +11,7 @@ error is about
     A e,        A = 1 + |d ln g / d ln f| / 2.
 
 e follows from a rule (`fem.results.error_estimates`) and from the difference to the coarser mesh over A.
-`studies.validation.vibration_check` compares the estimates with errors against much finer meshes.
+`studies.validation.errors.vibration_check` compares the estimates with errors against much finer meshes.
 """
 
 from __future__ import annotations

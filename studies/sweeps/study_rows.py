@@ -4,7 +4,7 @@ Everything is computed for a batch of cases at once: responses for each distinct
 case; readings for all cases in one call (`analytic.hall.batch_readings`). Errors are those of a model against the
 reference, the last finite-element model of the study, in % of the case's own value. Where the reference's force along
 a shear is not positive, or within its own error of 0, the beam gave way: no error along the shear is stated, and
-`error_status` is `gave_way`, as in `studies.validation.assumption`. It is `unknown` where that error is.
+`error_status` is `gave_way`, as in `studies.validation.formulas.assumption`. It is `unknown` where that error is.
 
 Columns are named as `studies.sweeps.sweep_columns` says.
 

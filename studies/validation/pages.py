@@ -9,13 +9,12 @@ from typing import Any, TypeVar
 import numpy as np
 import pandas as pd
 
+from geometry.bad_input import BadInput, SolveFailed
 from geometry.messages import Progress
 from studies.output import page_templates
 from studies.output.goals import Goal, failures, missed, verdict
-from studies.output.page_templates import filled, listed
-from studies.output.result import Result, Table, collected
-
-__all__ = ["Row", "collected", "failed", "filled", "listed", "percentile", "records", "rendered", "study", "told"]
+from studies.output.result import Interrupted, Result, Table
+from studies.simulation.compare import part
 
 Case = TypeVar("Case")
 
@@ -77,6 +76,28 @@ def told(progress: Progress, chosen: Sequence[Case], name: Callable[[Case], str]
     for i, case in enumerate(chosen):
         progress(i / len(chosen), name(case))
         yield case
+
+
+def report(progress: Progress, studies: Mapping[str, Callable[[Progress], Result]]) -> Result:
+    """Return the results of studies by their names, as parts of one; a study that cannot run is one that says so."""
+    if len(studies) == 1:
+        return next(iter(studies.values()))(progress)
+    done: list[Result] = []
+
+    def together() -> Result:
+        return Result(title="Validation", records=[], shown=[], parts=done)
+
+    for k, (name, run) in enumerate(studies.items()):
+        try:
+            done.append(run(part(progress, k / len(studies), (k + 1) / len(studies), name) or progress))
+        except (BadInput, SolveFailed) as error:
+            done.append(Result(title=name, records=[], shown=[], failures=[f"{name}: {error}"]))
+        except Interrupted as stop:
+            done.append(stop.result)
+            raise Interrupted(str(stop), together()) from None
+        except KeyboardInterrupt:
+            raise Interrupted(f"{len(done)} parts are complete, and no file is written", together()) from None
+    return together()
 
 
 def study(

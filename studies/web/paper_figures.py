@@ -41,7 +41,7 @@ def cells(table: pd.DataFrame) -> pd.DataFrame:
     Raises
     ------
     BadInput
-        Two rows belong to one cell; `studies.validation.assumption.plan_of` refuses such studies.
+        Two rows belong to one cell; `studies.validation.formulas.assumption.plan_of` refuses such studies.
     """
     lengths = {"height": "magnet_height_mm", "slenderness": "L_mm", "depth": "depth_mm", "shear": "shear_mm"}
     found = table.assign(

@@ -84,7 +84,7 @@ KNOWN = (
 """Tables by file name. A sweep's table is recognised by its columns, see `_figures_of`."""
 
 ASSUMPTION = ("magnet_height_mm", "nu", "depth_mm", "shear_mm", "fem_force_N", "analytic_paper_force_N")
-"""Columns of the sweep of `magtip validate assumption`, whose figures need them all."""
+"""Columns of the sweep of `magtip validate formulas assumption`, whose figures need them all."""
 ASSUMPTION_PICTURES = ("press_force.png", "sinking.png", "shear_force.png", "sideways_shift.png", "tilt.png")
 """Its pictures that show the same as these figures."""
 

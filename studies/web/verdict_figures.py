@@ -57,7 +57,7 @@ def verification(table: pd.DataFrame) -> list[Figure]:
 
 
 def robustness(table: pd.DataFrame) -> list[Figure]:
-    """Return what `magtip validate extremes` measured as shares of the bounds."""
+    """Return what `magtip validate verify extremes` measured as shares of the bounds."""
     measured, bound = numbers(table, "measured"), numbers(table, "bound")
     passed = texts(table, "verdict") == "pass"
     title = "Robustness: measured value over bound"
@@ -65,7 +65,7 @@ def robustness(table: pd.DataFrame) -> list[Figure]:
 
 
 def friction(table: pd.DataFrame) -> list[Figure]:
-    """Return the deviations of `magtip validate friction` as shares of their bounds."""
+    """Return the deviations of `magtip validate verify friction` as shares of their bounds."""
     names = texts(table, "check") + ": " + texts(table, "quantity")
     measured, bound = numbers(table, "off"), numbers(table, "bound")
     title = "Coulomb friction: deviation over bound"

@@ -1,0 +1,444 @@
+"""Accuracy: true errors of the finite elements and their error estimates, against much finer meshes.
+
+templates/accuracy.md.j2 defines the errors and the goals. States of a path of loads are a table of cases for the one
+engine, at their level and on the reference; critical depths, small shears and frequencies, which no store keeps with
+their estimates, are analysed here. A row of accuracy.csv is a state: design, load and status, its numbers and those
+of the reference, then error and estimate of each quantity.
+"""
+
+import math
+import tomllib
+from collections.abc import Sequence
+from functools import cache, partial
+from itertools import product
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+from scipy.stats import binomtest
+
+from fem import equilibrium
+from fem.accuracy import LEVELS, Accuracy
+from fem.analyses import modes, small_shear, stability
+from fem.physics_version import PHYSICS
+from fem.results.error_estimates import ANY, NUMBERS, scene_of_rules, table_rows
+from fem.scene import Model, Scene
+from geometry.bad_input import SolveFailed
+from geometry.loads import Load
+from geometry.messages import Progress
+from studies.cases import FemModel
+from studies.mechanics.model_choice import rounded_up
+from studies.output import provenance
+from studies.output.figures import picture
+from studies.output.goals import Goal
+from studies.output.result import Result, Table
+from studies.simulation.compare import part
+from studies.validation import error_study_cases, pages
+from studies.validation.error_study_cases import TANGENT_SCENES, Trial, answers_of
+from studies.validation.pages import Row
+from studies.web import verdict_figures
+
+FILES = ("ACCURACY.md", "accuracy.csv", "errors.png", "error_rules.csv")
+RESPONSES = {
+    "force": ("force_x_N", "force_z_N"),
+    "shift": ("shift_x_mm", "shift_z_mm"),
+    "tilt": ("tilt_rad",),
+    "sideways": ("force_x_N",),
+}
+"""Columns of the quantities of a response; loads are along x."""
+QUANTITIES = (*RESPONSES, *NUMBERS, "depth", "stiffness", "frequency")
+"""Quantities of a state, and of tangents."""
+GOALS = {"quick": 0.03, "standard": 0.01, "fine": 0.003}
+WIDER = {
+    "critical": {"quick": 0.05, "standard": 0.04, "fine": 0.01},
+    "small shear": {"quick": 0.03, "standard": 0.02, "fine": 0.01},
+}
+"""Largest true errors of the levels, and wider ones of two scenes; the page gives the reasons."""
+COVERAGE, SHARPNESS, SHARP, CLEAR = 0.95, 0.5, 3.0, 3e-4
+"""Goals of coverage and sharpness; an estimate is sharp up to SHARP true errors, or up to CLEAR in any case."""
+TESTED = ("odd", "unseen")
+"""Parts of the states that are shown apart: random ones on which no constant rests, and odd ones of the designs."""
+LEAST_STATES, COMPARED = 8, 50.0
+"""Coverage and sharpness of fewer states are not compared with their goals; least share of compared states, %."""
+PLAN: Row = tomllib.loads(Path(__file__).with_name("accuracy_plan.toml").read_text("utf-8"))
+FINE_SHEARS = range(4)
+"""Designs that are sheared, and whose tangents are solved, at level fine."""
+NOTHING = 1e-6
+"""Shift in mm, tilt in rad or force along the shear in N below which a relative error has no meaning."""
+SIZES = ("D", "L", "nu", "magnet_diameter", "magnet_height", "magnet_edge_radius")
+COUNT = 8
+"""Number of natural frequencies of each trial."""
+UNSTABLE = ("unstable", "stable")
+"""Statuses of a path beyond its instability, and of a search that found none: no error can be measured."""
+
+
+class Task(NamedTuple):
+    """A trial at one level, and the accuracy of its reference."""
+
+    trial: Trial
+    level: Accuracy
+    reference: Accuracy
+
+
+def tasks(*, quick: bool = False) -> list[Task]:
+    """Return all tasks of PLAN, the fast ones first; if quick, with coarser references."""
+    every: Row = {"levels": ["quick", "standard"], "magnets": ["rigid"], "model": "auto"}
+    every["designs"] = range(error_study_cases.DESIGNS)
+    found = []
+    for row in (every | one for one in PLAN["quick" if quick else "full"]):
+        for scene, level, magnet, number in product(*(row[k] for k in ("scenes", "levels", "magnets", "designs"))):
+            usual, finer = (error_study_cases.reference(scene, k) for k in ((0, 1) if quick else (1, 2)))
+            pair = (usual, finer) if level == "reference" else (LEVELS[level], usual)
+            if level != "fine" or scene in ("press", "deep") or number in FINE_SHEARS:
+                found.append(Task(error_study_cases.trial(number, magnet, scene, row["model"]), *pair))
+    return found
+
+
+def run(progress: Progress, *, quick: bool = False, store: Path | None = None) -> Result:
+    """Compare error estimates and accuracy levels with much finer meshes; exit status 3 if a goal is missed.
+
+    Presses and shears are by tetrahedra; `magtip validate errors estimates` has those of sections. The store keeps
+    them, so that a run that was stopped continues there; critical depths, small shears and frequencies, some minutes,
+    are solved again.
+
+    Parameters
+    ----------
+    quick
+        Use tangents of one design at accuracy quick and a coarser reference: some seconds instead of half an hour.
+    store
+        File of solved states; default: that of the user.
+    """
+    chosen = tasks(quick=quick)
+    paths = [(one, load) for one in chosen if one.trial.scene not in TANGENT_SCENES for load in one.trial.loads]
+    tangents = [one for one in chosen if one.trial.scene in TANGENT_SCENES]
+    rows = []
+    for k, one in enumerate(tangents):
+        progress(0.5 * k / len(tangents), f"{one.trial.name}, {one.level.name}")
+        rows += [row for load in one.trial.loads for row in tangent_rows(one, load)]
+    compared = compare(paths, *solved(paths, store, part(progress, 0.5, 1.0)))
+    return result(pd.concat([compared, pd.DataFrame(rows)], ignore_index=True), quick=quick)
+
+
+# States of a path of loads
+
+
+def solved(
+    paths: Sequence[tuple[Task, Load]], store: Path | None = None, progress: Progress | None = None
+) -> tuple[pd.DataFrame, pd.DataFrame]:
+    pairs = []
+    for one, _ in paths:
+        # the section model resolves the same state on a far finer mesh than tetrahedra can
+        model: Model = "auto" if one.trial.scene in ("press", "deep") else "harmonic"
+        own = FemModel(one.level.name, one.level, "half" if one.trial.model == "half" else model)
+        pairs.append((own, FemModel("reference", one.reference, model)))
+    begins = np.array([one.trial.loads[-1].shears_tip and not load.shears_tip for one, load in paths])
+    found = []
+    for k, models in enumerate(zip(*pairs, strict=True)):
+        rows, told = np.flatnonzero(~begins).tolist(), part(progress, k / 2, (k + 1) / 2)
+        asked = [(one.trial.design, load, one.trial.magnet) for one, load in (paths[row] for row in rows)]
+        of_rows = [models[row] for row in rows]
+        answers = answers_of(asked, of_rows, ["force", "shift", "tilt"], told, store=store).set_axis(rows)
+        # a press that may be unstable is the exact answer of a tip that is held on the axis
+        held = answers["status"].isin(("unstable", "unknown")) & np.array(
+            [model.model == "auto" for model in of_rows]
+        )
+        answers.loc[held, ["status", "message"]] = "ok", ""
+        answers = answers.rename(columns={"force_N": "force_z_N", "error_estimate": "force_error_estimate"})
+        firsts = {row: _begin(paths[row][0].trial, models[row]) for row in np.flatnonzero(begins).tolist()}
+        found.append(pd.concat([answers, pd.DataFrame.from_dict(firsts, orient="index")]).sort_index())
+    return found[0], found[1]
+
+
+@cache
+def _begin(trial: Trial, model: FemModel) -> Row:
+    """Return the press before the shears of a trial, on their mesh; the store has presses on meshes of their own."""
+    scene = Scene(trial.design, trial.loads, model.accuracy, trial.magnet, model.model)
+    first = next(equilibrium.walk(scene, estimate=model.name != "reference"))
+    (x, _, z), (sideways, _, sinking) = first.response.force, first.response.shift
+    estimates = {f"{name}_error_estimate": getattr(first.estimates, name) for name in RESPONSES}
+    values: Row = {"force_x_N": x, "force_z_N": z, "shift_x_mm": sideways, "shift_z_mm": sinking}
+    values |= {"tilt_rad": first.response.tilt, "status": first.status, "message": first.message}
+    return values | {name: math.nan if value is None else value for name, value in estimates.items()}
+
+
+def compare(paths: Sequence[tuple[Task, Load]], level: pd.DataFrame, reference: pd.DataFrame) -> pd.DataFrame:
+    """Return a row for each state with its status, true errors and estimates; NaN where there is none.
+
+    `scene` is the group of the statistics, in which the press before a shear is a scene of its own, "pressed";
+    `path` is the scene of the whole path. There is no error where the reference is (nearly) zero.
+    """
+    table = pd.DataFrame(place(one, load) for one, load in paths)
+    said = zip(level.message, reference.message, strict=True)
+    states = [status(*each) for each in zip(level.status, reference.status, said, strict=True)]
+    table["status"], table["message"] = zip(*states, strict=True) if states else ((), ())
+    columns = list(dict.fromkeys(column for names in RESPONSES.values() for column in names))
+    values, true = (
+        answers[columns].reset_index(drop=True).where(table.status == "ok") for answers in (level, reference)
+    )
+    errors = {}
+    for name, names in RESPONSES.items():
+        a, b = (answers[list(names)].to_numpy() for answers in (values, true))
+        size = np.linalg.norm(b, axis=1)
+        asked = (name == "force") | ((size > NOTHING) & ((name != "sideways") | (table.shear_mm > 0).to_numpy()))
+        errors[f"{name}_error"] = np.where(asked, np.linalg.norm(a - b, axis=1) / np.where(asked, size, 1.0), np.nan)
+        errors[f"{name}_estimate"] = level[f"{name}_error_estimate"].where(asked).to_numpy()
+    return pd.concat([table, values, true.add_prefix("reference_"), pd.DataFrame(errors)], axis=1)
+
+
+def place(one: Task, load: Load) -> Row:
+    trial, tangent = one.trial, one.trial.scene in TANGENT_SCENES
+    pressed = trial.scene == "stick" and not load.shear_x
+    section = "axisymmetric" if tangent or trial.scene in ("press", "deep") else "harmonic"
+    return {
+        "design": trial.number,
+        "odd": trial.odd,
+        "magnet": trial.magnet,
+        "scene": "pressed" if pressed else trial.scene,
+        "path": trial.scene,
+        "model": "half" if trial.model == "half" else section,
+        "level": one.level.name,
+        "depth_mm": load.depth,
+        "shear_mm": 0.0 if tangent else load.shear_x,
+    }
+
+
+def status(level: str, reference: str, messages: tuple[str, str]) -> tuple[str, str]:
+    """Return status and message of a state from those of its solves.
+
+    It disagrees if it is stable, or has an answer, by one of them only.
+
+    >>> status("ok", "unstable", ("", "since 1 mm"))
+    ('disagrees', 'reference: since 1 mm')
+    """
+    solves = zip(("level", "reference"), (level, reference), messages, strict=True)
+    bad = [(each, f"{name}: {message}") for name, each, message in solves if each != "ok"]
+    if not bad:
+        return "ok", ""
+    found = "disagrees" if bad[0][0] in UNSTABLE and level != reference else bad[0][0]
+    return found, "; ".join(said for _, said in bad)
+
+
+# Critical depths, small shears and frequencies
+
+
+def tangent_rows(one: Task, load: Load) -> list[Row]:
+    (level, why), (truth, why_not) = (
+        analysed(one.trial, load.depth, accuracy, accuracy is one.level) for accuracy in (one.level, one.reference)
+    )
+    ends = [state if isinstance(state, str) else "ok" for state in (level, truth)]
+    reached, message = status(ends[0], ends[1], (why, why_not))
+    row = place(one, load) | {"status": reached, "message": message}
+    if reached != "ok":
+        return [row]
+    if one.trial.scene != "modes":
+        names = ("depth", "force") if one.trial.scene == "critical" else ("stiffness", "shift", "tilt")
+        for name in names:
+            row |= judged(name, getattr(level, name), getattr(truth, name), getattr(level.estimates, name))
+        return [row]
+    # frequencies of one shape are paired in rising order, because modes of different shapes may swap places
+    left: dict[str, list[float]] = {}
+    for frequency, shape in zip(truth.frequency, truth.shape, strict=True):
+        left.setdefault(shape, []).append(frequency)
+    return [
+        row | {"shape": shape} | judged("frequency", value, left[shape].pop(0), estimate)
+        for value, shape, estimate in zip(level.frequency, level.shape, level.estimates, strict=True)
+        if left.get(shape)
+    ]
+
+
+@cache
+def analysed(trial: Trial, depth: float, accuracy: Accuracy, estimate: bool) -> tuple[Any, str]:
+    design, magnet = trial.design, trial.magnet
+    options: dict[str, Any] = {"accuracy": accuracy, "estimate": estimate}
+    try:
+        if trial.scene == "small shear":
+            return small_shear.small_shear(design, depth, magnet, **options), ""
+        if trial.scene == "modes":
+            return modes.modes(design, magnet, COUNT, depth=depth, **options), ""
+        critical = stability.critical(design, magnet, deepest=depth, **options)
+    except SolveFailed as error:
+        return "failed", str(error)
+    if critical.depth is None:
+        return "stable", f"{critical.message or 'no instability'} down to {critical.stable_to:.4g} mm"
+    return critical, ""
+
+
+def judged(quantity: str, value: float, reference: float, estimate: float | None) -> Row:
+    """Return the columns of a quantity: values of its solves, relative error, estimate (NaN if it is unknown)."""
+    return {
+        quantity: value,
+        f"reference_{quantity}": reference,
+        f"{quantity}_error": abs(value / reference - 1),
+        f"{quantity}_estimate": math.nan if estimate is None else estimate,
+    }
+
+
+# Statistics
+
+
+def errors_of(states: pd.DataFrame) -> pd.DataFrame:
+    """Return a row for each known true error of a quantity in the states that ended well at a level.
+
+    An estimate is NaN if it is unknown.
+    """
+    own = states[(states.status == "ok") & states.level.isin(list(GOALS))]
+    part_of = own.part if "part" in own else np.where(own.odd.astype(bool), "odd", "even")
+    place = own[["level", "scene", "magnet", "depth_mm"]].assign(part=part_of)
+    place = place.assign(model=np.where(own.model == "half", "half", "section"))
+    parts = [
+        place.assign(quantity=name, error=own[f"{name}_error"], estimate=own[f"{name}_estimate"])
+        for name in QUANTITIES
+        if f"{name}_error" in own
+    ]
+    # the quantities of a state stand together
+    frame = pd.concat(parts).sort_index(kind="stable") if parts else place.assign(quantity="", error=[], estimate=[])
+    quantity = pd.Categorical(frame.quantity, QUANTITIES, ordered=True)
+    # a number of a scene without a rule is said to be unknown, and promises nothing
+    open_ended = frame.quantity.isin(NUMBERS) & frame.estimate.isna()
+    return frame.assign(quantity=quantity)[np.isfinite(frame.error) & ~open_ended]
+
+
+def statistics(errors: pd.DataFrame, *by: str) -> list[Row]:
+    """Return statistics of true errors and estimates in groups, in the order of their first rows.
+
+    `coverage` is the share of the states whose true error is at most the estimate, `sharpness` the share of those
+    whose estimate is at most SHARP times the true error, or at most CLEAR.
+    """
+    percent, sharp = 100 * errors.error, errors.estimate <= np.maximum(SHARP * errors.error, CLEAR)
+    rows = errors.assign(percent=percent, covered=errors.error <= errors.estimate, sharp=sharp)
+    groups = rows.astype({"quantity": str}).groupby([*by, "quantity"], sort=False)
+    table = groups.agg(
+        states=("percent", "size"),
+        median_percent=("percent", "median"),
+        p95_percent=("percent", partial(pages.percentile, percent=95)),
+        max_percent=("percent", "max"),
+        coverage=("covered", "mean"),
+        sharpness=("sharp", "mean"),
+    )
+    # the share of a coverage that a like number of other states would have, with a probability of 95 %
+    hits = (table.coverage * table.states).round().astype(int)
+    bounds = [binomtest(int(k), int(n)).proportion_ci(0.95) for k, n in zip(hits, table.states, strict=True)]
+    table["coverage_low"], table["coverage_high"] = [b.low for b in bounds], [b.high for b in bounds]
+    return pages.records(table.reset_index())
+
+
+def summary(states: pd.DataFrame) -> list[Row]:
+    table = statistics(errors_of(states), "level", "model", "scene")
+    for row in table:
+        promised = row["quantity"] not in NUMBERS
+        row["goal_percent"] = 100 * WIDER.get(row["scene"], GOALS)[row["level"]] if promised else math.nan
+        row["met"] = _goal(row).met if promised else None
+    return table
+
+
+def _goal(row: Row) -> Goal:
+    name = f"{row['model']} {row['scene']}, {row['quantity']}, {row['level']}, largest error"
+    return Goal(name, row["max_percent"], row["goal_percent"], row["states"], "%")
+
+
+def shares(states: pd.DataFrame) -> list[Row]:
+    """Return the statistics of each scene and quantity over all levels, for all states and for those of TESTED."""
+    errors, place = errors_of(states), ("model", "scene", "quantity")
+    parts = statistics(errors[errors.part.isin(TESTED)], *place[:2], "part")
+    tested = {tuple(row[name] for name in place): row for row in parts}
+    rows = []
+    for row in statistics(errors, *place[:2]):
+        first = {name: row[name] for name in place}
+        other = tested.get(tuple(first.values()))
+        own = {"all": row} | ({other["part"]: other} if other else {})
+        rows += [
+            first | {"designs": designs} | {key: value for key, value in each.items() if key != "part"}
+            for designs, each in own.items()
+        ]
+    return rows
+
+
+def references(states: pd.DataFrame) -> list[Row]:
+    """Return the differences between the reference and a finer mesh, percent; NaN where a value is zero."""
+    own = states[(states.level == "reference") & (states.status == "ok")]
+    errors = 100 * own[[f"{name}_error" for name in RESPONSES]]
+    errors.columns = [f"{name}_percent" for name in RESPONSES]
+    return pages.records(own[["design", "scene", "depth_mm", "shear_mm"]].join(errors))
+
+
+def goals(states: pd.DataFrame) -> list[Goal]:
+    return goals_of_estimates(states) + [_goal(row) for row in summary(states) if row["met"] is not None]
+
+
+def goals_of_estimates(states: pd.DataFrame) -> list[Goal]:
+    """Return the goals of coverage and, for the response and tangents, of sharpness."""
+    lost = int((~states.status.isin(["ok", *UNSTABLE])).sum())
+    compared = 100 * float((states.status == "ok").mean()) if len(states) else None
+    posed = [
+        Goal("states without a comparison", lost, 0, len(states)),
+        # unstable states are none, but of them alone no error is known
+        Goal("states that are compared", compared, COMPARED, len(states), "%", at_least=True),
+    ]
+    judged = (
+        ("true errors that are at most the estimate", "coverage", COVERAGE),
+        (f"estimates that are at most {SHARP:g} times the true error", "sharpness", SHARPNESS),
+    )
+    known = (row for row in shares(states) if row["designs"] == "all" and row["states"] >= LEAST_STATES)
+    for row, (name, column, bound) in product(known, judged):
+        if column == "sharpness" and row["quantity"] in NUMBERS:
+            continue
+        name = f"{row['model']} {row['scene']}, {row['quantity']}, {name}"
+        posed.append(Goal(name, 100 * row[column], 100 * bound, row["states"], "%", at_least=True))
+    return posed
+
+
+def rules(states: pd.DataFrame) -> list[Row]:
+    """Return the rows of fem/results/error_rules.csv, with c so wide that each covers COVERAGE of its states.
+
+    States of the part "unseen" are left out, because they test the rules. Rows with states in the study get today's
+    versions and commit; the others stay. An estimate that is unknown or 0
+    covers no error, whatever c is, and misses its goal: c does not follow from it.
+    """
+    errors = errors_of(states)
+    errors = errors[(errors.estimate > 0) & (errors.part != "unseen")]
+    scene = errors.scene.where(errors.model != "half", np.where(errors.scene == "press", "solid press", "solid"))
+    scene = pd.Series(scene, index=errors.index, dtype=object).map(scene_of_rules)
+    kinds = {(row["scene"], row["variant"]) for row in table_rows()}
+    pooled = np.array([(each, ANY) in kinds for each in scene], dtype=bool)
+    variant = errors.magnet.where(~pooled, ANY)
+    pressed = (errors.quantity == "frequency") & (errors.depth_mm > 0)
+    quantity = errors.quantity.astype(str).where(~pressed, "pressed frequency")
+    needed = (
+        (errors.error / errors.estimate)
+        .groupby([scene, variant, quantity])
+        .agg(pages.percentile, percent=100 * COVERAGE)
+    )
+    today: dict[str, int] = dict(PHYSICS.items())
+    rows = []
+    for row in table_rows():
+        factor = needed.get((row["scene"], row["variant"], row["quantity"]))
+        if factor is not None:
+            c = float(row["c"]) if factor <= 1 else rounded_up(factor * float(row["c"]), 3)
+            row |= {"c": f"{c:g}", "version": str(today[row["model"]]), "commit": provenance.commit() or ""}
+        rows.append(row)
+    return rows
+
+
+def result(states: pd.DataFrame, *, quick: bool) -> Result:
+    estimates, levels, rows = shares(states), summary(states), pages.records(states)
+    scenes = (("press", "press"), ("stick and grip", "stick"), ("friction", "friction"), ("tangents", "modes"))
+    page = {
+        "states": rows,
+        "estimates": estimates,
+        "levels": levels,
+        "references": references(states),
+        "meshes": [f"{name}: `{error_study_cases.reference(scene, 0 if quick else 1)}`" for name, scene in scenes],
+        "designs": [
+            {"design": k} | {name: getattr(error_study_cases.designs()[k], name) for name in SIZES}
+            for k in sorted(set(states.design))
+        ],
+        "physics": ", ".join(f"{name} {number}" for name, number in PHYSICS.items()),
+    }
+    tables = {"Estimates": estimates, "Levels": levels}
+    first = ("scene", "quantity", "states", "median_percent", "coverage")
+    more: Row = {"records": [*estimates, *levels], "goals": goals(states), "digits": 9}
+    more["tables"] = {"accuracy": rows, "error_rules": rules(states)}
+    more["shown"] = [Table(title=title, rows=table, first=first) for title, table in tables.items()]
+    files = {"errors.png": partial(picture, rows=rows, draw=verdict_figures.accuracy)}
+    return pages.study("accuracy", "Accuracy", rows, page, files=files, **more)
