@@ -32,11 +32,10 @@ from geometry.design import BadInput, Design, paper
 from geometry.loads import Load, Magnet
 from geometry.messages import Progress
 from studies.inputs import study_input, user_input
-from studies.inputs.study_input import AXES, Factor, QuantityName
+from studies.inputs.study_input import AXES, Factor
 from studies.mechanics import store as stores
 from studies.mechanics.solve_plan import Processes
 from studies.mechanics.study_cases import (
-    DEFAULT_QUANTITIES,
     Columns,
     FemModel,
     Plan,
@@ -127,9 +126,8 @@ def answer(
         formulas: paper, column, tip, magnet, finite; or a `FemModel` with an accuracy and a name of its own.
     base : what the columns do not say; default: the paper's sensor. Its Hall elements keep their places in the base
         where L or D vary, unless `l0_mm` is a column.
-    quantities : any of force, shift, tilt, contact_radius, strain, sideways_stiffness (over that of the unpressed
-        beam: of frictionless presses by finite elements), readings, decoded_force_error, critical_depth, modes,
-        response, cycle. The last four are of the finest finite elements, and their columns have no model's name in
+    quantities : names of `studies.quantities.QUANTITIES`, such as force, strain, readings, critical_depth. Critical
+        depth, modes, response and cycle are of the finest finite elements, and their columns have no model's name in
         front; critical depths are those of frictionless presses, whatever the loads: `critical_depth_mm`,
         `critical_depth_verdict` (buckles; stable down to `stable_to_mm`, where the search ends; or unknown) etc.
         Default: force, shift, contact_radius, readings (with a magnet), tilt (loads sideways).
@@ -217,7 +215,7 @@ def _fields(cases: pd.DataFrame, *, needs_load: bool) -> tuple[dict[str, Values]
 
 
 def _plan(
-    base: Design, factor: Factor, models: Sequence[str | FemModel], asked: tuple[QuantityName, ...], reference: str
+    base: Design, factor: Factor, models: Sequence[str | FemModel], asked: tuple[str, ...], reference: str
 ) -> Plan:
     named, formulas = models_of([model for model in models if isinstance(model, str)])
     fem = coarsest_first([*named, *(model for model in models if isinstance(model, FemModel))])
@@ -228,7 +226,7 @@ def _plan(
     truth = model_name(reference) if reference else ""
     plan = Plan(base, (factor,), {}, magnet, fem, formulas, asked, truth)
     readings = base.shape.has_magnet or {"magnet_diameter", "magnet_height"} & set(plan.fields)
-    plan = completed(plan, [name for name in DEFAULT_QUANTITIES if name != "readings" or readings])
+    plan = completed(plan, without=() if readings else ("readings",))
     if reference and plan.truth not in names:
         raise BadInput(f"the reference {reference!r} is not among the models: add it to them")
     return plan

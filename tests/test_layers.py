@@ -52,6 +52,7 @@ def top(node):
 STUDIES = "output inputs mechanics sensing sweeps cases simulation fabrication parts sensitivity calibration firmware"
 STUDIES = [
     "deferred_modules",
+    "quantities",
     *STUDIES.split(),
     "sizing",
     "demo",

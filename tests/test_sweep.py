@@ -25,9 +25,8 @@ from studies.mechanics import path_solver, solve_plan
 from studies.mechanics.solve_plan import Processes
 from studies.mechanics.study_cases import FemModel, Plan
 from studies.sweeps import sweep
-from studies.sweeps.study_rows import OF_STATES, flat_rows
+from studies.sweeps.study_rows import flat_rows
 from studies.sweeps.sweep import Shown
-from studies.sweeps.sweep_figures import QUANTITIES
 
 BARE = Design(magnet_diameter=0.0, magnet_height=0.0)
 PRESS = ("force", "shift", "contact_radius", "readings")
@@ -508,7 +507,3 @@ def test_an_axis_that_changes_nothing_is_named():
     assert idle_axes(rows[:1], plan, whole=True) == idle_axes([], plan, whole=True) == []
     failed = [row | {"status": "bad_input", "fem_S2_mT": 0.0} for row in rows]
     assert idle_axes(failed, plan, whole=True) == []
-
-
-def test_what_states_say_beside_their_response_is_drawn():
-    assert {columns[0][1] for columns in OF_STATES.values()} <= set(QUANTITIES)

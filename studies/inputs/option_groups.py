@@ -14,6 +14,7 @@ from geometry.design import BadInput
 from geometry.loads import Magnet, Waveform
 from studies.inputs.study_input import LOAD, load_help
 from studies.inputs.user_input import AccuracyName
+from studies.quantities import choice
 
 _T = TypeVar("_T")
 FieldLevel = Literal["exact", "paper", "paper-printed", "dipole"]
@@ -71,6 +72,7 @@ Mode = Annotated[
     Literal["component", "magnitude"],
     Parameter(help="Reading of an element: component B.n, or magnitude |B| as in the paper."),
 ]
+ASKED = Parameter(help=choice())
 AXIS = Parameter(
     help="Values NAME=a,b,c or NAME=lin:START:STOP:COUNT or NAME=log:START:STOP:COUNT of a field of the design (D, "
     f"L, E, nu, law, ...), of the load ({', '.join(LOAD)}) or of magnet; lengths also over the diameter, as L/D and "
@@ -420,10 +422,7 @@ class Sweep:
     models: str | None = None
     """Models side by side, such as quick,standard,paper,finite: accuracies of the finite elements (half-quick for
     another model than auto), surrogate, and levels of the formulas; default: standard,paper."""
-    quantities: str | None = None
-    """Any of force, shift, tilt, contact_radius, strain, sideways_stiffness, readings, decoded_force_error,
-    critical_depth, modes, response, cycle; default: force, shift, contact_radius, readings, and tilt if a load acts
-    sideways."""
+    quantities: Annotated[str | None, ASKED] = None
     tolerance: Annotated[str | None, TOLERANCE] = None
 
 

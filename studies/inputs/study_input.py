@@ -36,13 +36,14 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal
 
 from geometry.bad_input import nearest
 from geometry.design import PRESETS, BadInput, Design
 from geometry.loads import Load, Magnet
 from studies.inputs import user_input
 from studies.inputs.user_input import FIELDS, AccuracyName, Value
+from studies.quantities import QUANTITIES, column_name
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -118,8 +119,6 @@ AXES = {**DESIGN, **LOAD, **METHOD, **OVER_D}
 """All axes by name."""
 COMMON = ("D", "L", "f", "E", "depth", "shear")
 """Axes that messages name as examples."""
-UNITS = {"1": "", "V/T": "_V_per_T", "V/sqrt(Hz)": "_V_per_sqrtHz", "kg/m3": "_kg_per_m3", "mm/s": "_mm_per_s"}
-"""Last part of a column's name for units that cannot stand there as they are."""
 
 
 def load_help(name: str, default: str = "") -> str:
@@ -140,8 +139,7 @@ def column(name: str) -> str:
     >>> column("D"), column("nu"), column("hall_gain"), column("plate_tilt"), column("L/D")
     ('D_mm', 'nu', 'hall_gain_V_per_T', 'plate_tilt_deg', 'L_over_D')
     """
-    unit = AXES[name].unit
-    return name.replace("/", "_over_") + UNITS.get(unit, f"_{unit}")
+    return column_name(name, AXES[name].unit)
 
 
 def field_of(name: str) -> str:
@@ -281,12 +279,6 @@ def _listed(words: Sequence[str]) -> str:
 
 VERSION = 2
 """Newest version of the format of study files that can be read; older ones are subsets of it."""
-QuantityName = Literal[
-    "force", "shift", "tilt", "contact_radius", "strain", "sideways_stiffness", "readings", "decoded_force_error",
-    "critical_depth", "modes", "response", "cycle",
-]  # fmt: skip
-QUANTITIES: tuple[QuantityName, ...] = get_args(QuantityName)
-"""Quantities of a study, in the order of their columns."""
 SAMPLINGS = ("latin-hypercube", "sobol")
 """Methods of sampling."""
 MOST_SAMPLES = 1_048_576
@@ -308,7 +300,7 @@ class Study:
     magnet: Magnet | None = None
     accuracy: AccuracyName | None = None
     models: tuple[str, ...] = ()
-    quantities: tuple[QuantityName, ...] = ()
+    quantities: tuple[str, ...] = ()
     tolerance: float | None = None
 
     @property
@@ -465,7 +457,7 @@ def read_study(path: str) -> Study:
     )
 
 
-def checked_quantities(names: Sequence[str], where: str = "") -> tuple[QuantityName, ...]:
+def checked_quantities(names: Sequence[str], where: str = "") -> tuple[str, ...]:
     """Return quantities in the order of their columns, each once; an unknown one raises BadInput."""
     for name in names:
         if name not in QUANTITIES:
@@ -473,13 +465,13 @@ def checked_quantities(names: Sequence[str], where: str = "") -> tuple[QuantityN
     return tuple(name for name in QUANTITIES if name in names)
 
 
-def needs_load(quantities: Sequence[QuantityName]) -> bool:
-    """Return whether quantities need a load: critical depths and modes alone are those of the sensor by itself.
+def needs_load(quantities: Sequence[str]) -> bool:
+    """Return whether quantities need a load; critical depths and modes alone do not, the usual ones do.
 
     >>> needs_load(("force", "modes")), needs_load(("critical_depth", "modes")), needs_load(())
     (True, False, True)
     """
-    return not quantities or not set(quantities) <= {"critical_depth", "modes"}
+    return not (quantities and all(QUANTITIES[name].of_sensor for name in quantities))
 
 
 def _load(path: str, values: Mapping[str, Any]) -> dict[str, Value]:

@@ -27,7 +27,7 @@ import dataclasses
 import functools
 import math
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -40,16 +40,14 @@ from studies.mechanics import timed_quantities
 from studies.mechanics.store import Outcome, Position, State, position
 from studies.mechanics.timed_quantities import STILL, PlateMotion
 from studies.output.provenance import versions
+from studies.quantities import QUANTITIES, stored_values
 
 if TYPE_CHECKING:
     from fem.solution import Solution
 
 Kind = Literal["states", "critical depth", "modes", "response", "cycle"]
 """What a path holds."""
-KINDS: dict[str, Kind] = {
-    "critical_depth": "critical depth",
-    **{name: name for name in ("modes", "response", "cycle")},
-}
+KINDS: dict[str, Kind] = {name: each.path for name, each in QUANTITIES.items() if each.path}
 """Quantities that are paths of their own in the store."""
 MODES = 6
 """Number of natural frequencies that are solved and stored."""
@@ -291,16 +289,17 @@ def _origin() -> str:
     return versions()
 
 
-def lacks_ratio(state: State) -> bool:
-    """Return whether a state of a press was solved without its sideways stiffness, which it may have."""
-    return state.outcome == "ok" and "sideways_stiffness_ratio" not in state.answer["values"]
+def lacks(state: State, values: Iterable[str]) -> bool:
+    """Return whether a state was solved without some of the values, which it may have."""
+    return state.outcome == "ok" and not state.answer["values"].keys() >= set(values)
 
 
 def _state(scene: Scene, load: Load, solution: Solution, *, ratios: bool) -> State:
     estimates, facts = solution.estimates, solution.facts
-    values, ratio = {"largest_strain": facts.largest_strain}, facts.sideways_stiffness_ratio
-    if ratios or ratio is not None or solution.model != "axisymmetric":
-        values |= {"sideways_stiffness_ratio": ratio}
+    values = {name: getattr(facts, name) for name in stored_values(QUANTITIES)}
+    # a press that was not asked for its ratio may have one all the same
+    if not ratios and facts.sideways_stiffness_ratio is None and solution.model == "axisymmetric":
+        del values["sideways_stiffness_ratio"]
     answer = {
         "response": dataclasses.asdict(solution.response),
         "error_estimate": estimates.force,

@@ -25,6 +25,7 @@ from studies.mechanics.path_solver import KINDS, NAN, Answer, Kind, Place, Task,
 from studies.mechanics.store import Position, Store
 from studies.mechanics.study_cases import Cases, FemModel, Plan, Problem, Recent
 from studies.mechanics.workers import finished
+from studies.quantities import stored_values
 
 INLINE = 4.0
 """Expected time of all solves, s, up to which this process solves them; others take about a second to start."""
@@ -108,14 +109,18 @@ class Solves:
         for number, (key, wanted) in enumerate(self._wanted(cases).items(), 1):
             states, again = store.states(self.paths[key].content), ("transient",) if processes.retry_failed else ()
             reached = sorted(at for at, state in states.items() if state.outcome == "ok")
-            ratios = "sideways_stiffness" in plan.quantities and self.paths[key].kind == "states"
+            values = stored_values(plan.quantities) if self.paths[key].kind == "states" else ()
             lacking = {
                 at
                 for at in wanted
-                if at not in states or states[at].outcome in again or (ratios and path_solver.lacks_ratio(states[at]))
+                if at not in states or states[at].outcome in again or path_solver.lacks(states[at], values)
             }
             if lacking:
-                tasks.append(path_solver.task(number, self.paths[key], sorted(lacking), reached, ratios=ratios))
+                tasks.append(
+                    path_solver.task(
+                        number, self.paths[key], sorted(lacking), reached, ratios="sideways_stiffness_ratio" in values
+                    )
+                )
                 keys.append(key)
         self.numbers = {key: number for number, key in enumerate(self.paths, 1)}
         self._keys, self._open, self.count = list(self.paths), set(keys), len(tasks)

@@ -30,10 +30,11 @@ from geometry.bad_input import closest
 from geometry.design import OF_TIME, BadInput, Design
 from geometry.loads import Load, Magnet, check_load
 from studies.inputs import study_input, user_input
-from studies.inputs.study_input import DESIGN, LOAD, LOADS, Factor, QuantityName
+from studies.inputs.study_input import DESIGN, LOAD, LOADS, Factor
 from studies.inputs.user_input import Value
 from studies.mechanics.path_solver import KINDS
 from studies.mechanics.timed_quantities import STILL, TIMED, PlateMotion, check_motion, motion_of
+from studies.quantities import QUANTITIES
 
 READING_FIELDS = frozenset(
     name
@@ -43,8 +44,6 @@ READING_FIELDS = frozenset(
 """Fields of a design on which the static mechanics do not depend."""
 MOST_KEPT = 20_000
 """Number of resolved sensors, and of problems, that are kept for the next batch; it bounds the memory."""
-DEFAULT_QUANTITIES = ("force", "shift", "contact_radius", "readings")
-"""Quantities of a study that names none; with loads to the side also the tilt."""
 FEM_MODELS = ("axisymmetric", "harmonic", "half", "full")
 """Models of finite elements that can stand before an accuracy, as in half-quick."""
 Columns = dict[str, NDArray[Any]]
@@ -83,7 +82,7 @@ class Plan:
     magnet: Magnet
     fem: tuple[FemModel, ...]
     formulas: tuple[str, ...]
-    quantities: tuple[QuantityName, ...]
+    quantities: tuple[str, ...]
     truth: str = ""
 
     def __post_init__(self) -> None:
@@ -413,10 +412,12 @@ def coarsest_first(models: Sequence[FemModel]) -> tuple[FemModel, ...]:
     )
 
 
-def completed(plan: Plan, usual: Sequence[str] = DEFAULT_QUANTITIES) -> Plan:
-    """Return a study with the usual quantities if it names none; refuse those that its models cannot give."""
-    sideways = ("tilt",) if plan.loads_sideways else ()
-    asked = plan.quantities or study_input.checked_quantities((*usual, *sideways))
+def completed(plan: Plan, without: Sequence[str] = ()) -> Plan:
+    """Return a study with the usual quantities, but `without` some, if it names none; refuse what no model gives."""
+    usual = ("always", "sideways") if plan.loads_sideways else ("always",)
+    asked = plan.quantities or tuple(
+        name for name, each in QUANTITIES.items() if each.usual in usual and name not in without
+    )
     for name in ("decoded_force_error", *KINDS):
         if name in asked and not plan.solves:
             raise BadInput(f"quantity {name} needs finite elements: add a model such as standard")

@@ -38,8 +38,8 @@ MOVED = ("depth_mm", "shear_mm", "shear_y_mm")
 FIRST = ("status", *MOVED, "force_N", "shift_mm")
 """Columns that a table of states shows even in a narrow terminal."""
 UNSHOWN = (
-    *(name for name in state_rows.FACTS if name != "largest_strain_percent"),
-    *("crease_ratio_error_estimate", "made_for"),
+    *state_rows.FACTS,
+    *("sideways_stiffness_ratio", "sideways_stiffness_ratio_half_width", "crease_ratio_error_estimate", "made_for"),
 )
 """Columns that only JSON and wide tables show."""
 
@@ -335,15 +335,16 @@ def with_targets(rows: Generator[FlatRow], targets: Sequence[ForceTarget]) -> Ge
 
 def in_words(rows: Generator[FlatRow]) -> Generator[FlatRow]:
     """Yield the rows with the word unknown for the error of a number that has no estimate; closing closes `rows`."""
+    numbers = state_rows.estimated_numbers()
     with contextlib.closing(rows):
         for row in rows:
-            yield row | {column: "unknown" for column in state_rows.NUMBERS if _unsure(row, column)}
+            yield row | {column: "unknown" for column, number in numbers.items() if _unsure(row, column, number)}
 
 
-def _unsure(row: FlatRow, column: str) -> bool:
+def _unsure(row: FlatRow, column: str, number: str) -> bool:
     """Return whether the error of a number is unknown; one that is zero by symmetry has none."""
-    number = row.get(state_rows.NUMBERS[column])
-    exists = number is not None if column.startswith("slip_share") else any(np.ravel(number or 0.0))
+    value = row.get(number)
+    exists = value is not None if column.startswith("slip_share") else any(np.ravel(value or 0.0))
     return exists and row.get(column) is None
 
 

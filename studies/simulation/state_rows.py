@@ -14,6 +14,7 @@ from geometry import design_digest
 from geometry.design_digest import Fields
 from geometry.loads import Load, Response
 from studies.output.records import FlatRow
+from studies.quantities import stored_parts
 
 if TYPE_CHECKING:
     from analytic.hall import Readings
@@ -31,11 +32,8 @@ FACTS = (
     "onset_shear_to_mm",
     "unstable_stretches",
     "inside_out_share",
-    "sideways_stiffness_ratio",
-    "sideways_stiffness_ratio_half_width",
     "critical_depth_mm_estimate",
     "crease_ratio",
-    "largest_strain_percent",
 )
 """Columns of what the message puts in words (see `fem.solution.Facts`); None for a fact that is unknown. The onset is
 the interval of the depth, or of the shear, whichever grew, in which the path became unstable."""
@@ -47,7 +45,6 @@ MORE_ERRORS = {
     "dissipated_error_estimate": "dissipated",
     "slip_share_error_estimate": "slip_share",
     "crease_ratio_error_estimate": "crease",
-    "largest_strain_error_estimate": "strain",
     "depth_error_estimate": "depth",
     "shear_error_estimate": "shear",
 }
@@ -61,9 +58,8 @@ NUMBERS = {
     "dissipated_error_estimate": "dissipated_mJ",
     "slip_share_error_estimate": "slip_share",
     "crease_ratio_error_estimate": "crease_ratio",
-    "largest_strain_error_estimate": "largest_strain_percent",
 }
-"""Columns of error estimates, and those of the numbers that they are of."""
+"""Columns of error estimates, and those of the numbers that they are of, beside `stored_columns`."""
 
 
 def state_row(load: Load, response: Response | None, model: str, made_for: Fields, **known: Any) -> FlatRow:
@@ -87,6 +83,7 @@ def state_row(load: Load, response: Response | None, model: str, made_for: Field
         "newton_iterations": 0,
         "seconds": 0.0,
         **dict.fromkeys(FACTS),
+        **stored_columns(None, made_for),
         "digest": design_digest.digest(made_for),
         "made_for": made_for,
     }
@@ -110,6 +107,7 @@ def solved_row(state: Solution, made_for: Fields) -> FlatRow:
         newton_iterations=state.newton_iterations,
         seconds=state.seconds,
         **_fact_columns(state.facts),
+        **stored_columns(state, made_for),
     )
 
 
@@ -190,9 +188,24 @@ def _fact_columns(facts: Facts) -> FlatRow:
         **onset,
         "unstable_stretches": None if facts.weak_at is None else list(facts.weak_at),
         "inside_out_share": facts.inverted_share,
-        "sideways_stiffness_ratio": facts.sideways_stiffness_ratio,
-        "sideways_stiffness_ratio_half_width": facts.sideways_half_width,
         "critical_depth_mm_estimate": facts.critical_depth,
         "crease_ratio": facts.crease_ratio,
-        "largest_strain_percent": None if facts.largest_strain is None else 100 * facts.largest_strain,
     }
+
+
+def stored_columns(state: Solution | None, made_for: Fields) -> FlatRow:
+    """Return the columns of what a state holds beside its response, with their half widths and estimated errors."""
+    row: FlatRow = {}
+    for part in stored_parts():
+        for column, name in ((part.column, part.stored), (f"{part.column}_half_width", part.half_width)):
+            value = getattr(state.facts, name) if state and name else None
+            scaled = value and part.scaled(value, float(made_for["E_MPa"]), float(made_for["D_mm"]))
+            row |= {column: scaled} if name else {}
+        if part.estimate:
+            row[f"{part.name}_error_estimate"] = getattr(state.estimates, part.estimate) if state else None
+    return row
+
+
+def estimated_numbers() -> dict[str, str]:
+    """Return the columns of error estimates, and those of the numbers that they are of."""
+    return NUMBERS | {f"{part.name}_error_estimate": part.column for part in stored_parts() if part.estimate}

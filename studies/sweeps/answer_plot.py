@@ -17,10 +17,10 @@ from geometry.design import BadInput
 from studies.output import figures
 from studies.output.figures import COLOURS, THEME, Look
 from studies.output.text_tables import quantity_name
+from studies.quantities import QUANTITIES, drawn_parts
 from studies.sweeps import sweep_figures
-from studies.sweeps.study_rows import COMPONENTS
 from studies.sweeps.sweep_columns import SweepColumns
-from studies.sweeps.sweep_figures import QUANTITIES, in_words, log_spaced, value_of
+from studies.sweeps.sweep_figures import in_words, log_spaced, value_of
 
 if TYPE_CHECKING:
     import altair as alt
@@ -131,7 +131,8 @@ def _label(names: Sequence[str], study: SweepColumns) -> str:
         other = next(k for k, unit in enumerate(units) if unit != units[0])
         raise BadInput(f"{names[0]} and {names[other]} have other units: draw them in two charts")
     quantity = _model_of(names[0], study)[1]
-    return QUANTITIES[quantity]["label"] if quantity in QUANTITIES else quantity_name(quantity)
+    part = drawn_parts().get(quantity)
+    return part.title if part else quantity_name(quantity)
 
 
 def _model_of(name: str, study: SweepColumns) -> tuple[str, str]:
@@ -147,7 +148,7 @@ def _answers(answers: pd.DataFrame, axes: Sequence[str], study: SweepColumns, na
     model, quantity = _model_of(name, study)
     if name in answers and model:
         study, name = replace(study, models={model: study.models[model]}), quantity
-    elif name in answers and name not in QUANTITIES:
+    elif name in answers and name not in drawn_parts():
         part = answers[list(axes)].assign(model=in_words(name), value=answers[name], failed=False, open=False)
         return part.assign(half_width=half_width(answers, study, "", name))
     models = study.answers(name, answers.columns)
@@ -175,14 +176,16 @@ def half_width(answers: pd.DataFrame, study: SweepColumns, model: str, quantity:
     prefix = study.models.get(model, "")
     if f"{prefix}{quantity}_half_width" in answers:
         return answers[f"{prefix}{quantity}_half_width"]
-    vector = next((parts for parts in COMPONENTS.values() if quantity in parts), (quantity,))
-    estimate = f"{vector[0].rpartition('_')[0].replace('shift_z', 'shift')}_error_estimate"
-    if vector is COMPONENTS["force"]:
-        along = quantity != vector[0]
-        vector, estimate = vector[along:], "sideways_error_estimate" if along else "error_estimate"
+    every = [(part, each) for each in QUANTITIES.values() for part in each.parts]
+    asked, vector = next(((part, each.parts) for part, each in every if part.column == quantity), (None, ()))
+    if asked is None or not asked.estimate:
+        return pd.Series(np.nan, answers.index)
+    # of the press force the estimate is that of the whole vector, of forces along the shear that of their own
+    vector = vector if asked is vector[0] else tuple(part for part in vector if part.estimate == asked.estimate)
+    estimate = "error_estimate" if asked.estimate == "force" else f"{asked.estimate}_error_estimate"
     # of a single model of finite elements the estimates have no name in front
     column = f"{prefix}{estimate}" if f"{prefix}{estimate}" in answers else estimate
     if study.is_formula(model) or column not in answers:
         return pd.Series(np.nan, answers.index)
-    parts = [answers[f"{prefix}{part}"] for part in vector if f"{prefix}{part}" in answers]
+    parts = [answers[f"{prefix}{part.column}"] for part in vector if f"{prefix}{part.column}" in answers]
     return answers[column] * np.linalg.norm(parts, axis=0)

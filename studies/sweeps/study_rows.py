@@ -39,28 +39,12 @@ from studies.mechanics.model_choice import along_shear
 from studies.mechanics.path_solver import Answer, frequency_unit
 from studies.mechanics.solve_plan import IMPOSSIBLE
 from studies.mechanics.study_cases import Batch, Columns, Plan, Problem, Recent
+from studies.quantities import QUANTITIES, Part, Quantity
 from studies.sweeps.sweep_columns import SweepColumns, prefixes, status_columns
 
 NAN = math.nan
 FIRST_AXES = ("D", "L", "f", "E", "depth")
 """Axes whose columns every table has, first."""
-COMPONENTS = {
-    "force": ("force_N", "force_x_N", "force_y_N"),
-    "shift": ("shift_z_mm", "shift_x_mm", "shift_y_mm"),
-    "tilt": ("tilt_rad", "tilt_y_rad"),
-    "contact_radius": ("contact_radius_mm",),
-}
-"""Columns of the quantities of a response; where no load acts sideways the first one of each alone."""
-OF_STATES = {
-    "strain": (("largest_strain", "largest_strain_percent", 100.0),),
-    "sideways_stiffness": (
-        ("sideways_stiffness_ratio", "sideways_stiffness_ratio", 1.0),
-        ("sideways_half_width", "sideways_stiffness_ratio_half_width", 1.0),
-    ),
-}
-"""Quantities that stored states say beside their response: names of values and of their columns, and factors."""
-SIDEWAYS = ("force_x_N", "force_y_N", "shift_x_mm", "shift_y_mm", "tilt_rad", "tilt_y_rad")
-"""Columns whose errors are not stated where the beam gave way."""
 RESISTS = {
     "gave_way": "the beam gave way: its force does not oppose the shear, and no error along the shear is stated",
     "unknown": "the error of the force along the shear is unknown, and so is whether the beam gave way",
@@ -78,7 +62,7 @@ MOST_DECODERS = 16
 
 
 def spread(batch: Batch, responses: Sequence[Response | None]) -> Columns:
-    """Return the columns of `COMPONENTS` of one model from the responses of the distinct problems.
+    """Return the columns of force, pose and contact of one model from the responses of the distinct problems.
 
     A case whose sensor is impossible has no results, NaN, although its mechanics may be those of others.
     """
@@ -146,17 +130,17 @@ class Rows:
         results = {name: spread(batch, [answer.response for answer in each]) for name, each in states.items()}
         table = self._axis_columns(batch)
         resists = _texts(batch, [self._resists(states, k, problem) for k, problem in enumerate(batch.problems)])
-        table |= self._mechanics(results, resists == "gave_way")
-        for value, column, factor in itertools.chain(*(OF_STATES.get(name, ()) for name in plan.quantities)):
-            for name, answers in solved.states.items():
-                found = _of_answers(batch, [answer.values.get(value) for answer in answers])
-                table[f"{self.prefixes[name]}{column}"] = factor * found
+        stored = {name: self._stored(batch, answers) for name, answers in solved.states.items()}
+        table |= self._mechanics(self._with_derived(table, results, stored), resists == "gave_way")
+        for column in dict.fromkeys(itertools.chain(*stored.values())):
+            table |= {f"{self.prefixes[name]}{column}": values[column] for name, values in stored.items()}
         if "readings" in plan.quantities:
             table |= self._reading_columns(batch, results)
         if "decoded_force_error" in plan.quantities:
             table |= self._decoded(batch, results)
         for name, answers in solved.others.items():
-            table |= OTHERS[name](plan, batch, answers)
+            table |= stored_columns(QUANTITIES[name], batch, answers)
+            table |= OTHERS[name](plan, batch, answers) if name in OTHERS else {}
         if "l0" not in plan.fields:
             table["l0_mm"] = _of_sensors(batch, lambda design: design.l0)
         table |= self._estimates(batch, solved) | self._verdict(batch, solved, states)
@@ -191,20 +175,43 @@ class Rows:
             table[study_input.column(name)] = _as_column(values)
         return table
 
+    def _stored(self, batch: Batch, answers: Sequence[Answer]) -> Columns:
+        """Return the columns of what the states of one model hold beside their response, of the quantities asked."""
+        asked = [QUANTITIES[name] for name in self.plan.quantities if not QUANTITIES[name].path]
+        return {name: values for each in asked for name, values in stored_columns(each, batch, answers).items()}
+
+    def _with_derived(
+        self, fields: Columns, results: Mapping[str, Columns], stored: Mapping[str, Columns]
+    ) -> dict[str, Columns]:
+        """Return the columns of each model with those of the derived quantities that are asked for."""
+        every = {name: dict(result) for name, result in results.items()}
+        for name, result in every.items():
+            for asked in self.plan.quantities:
+                if derive := QUANTITIES[asked].derive:
+                    with np.errstate(divide="ignore", invalid="ignore"):
+                        found = derive(fields | result | stored.get(name, {}))
+                    result[QUANTITIES[asked].parts[0].column] = np.where(np.isfinite(found), found, NAN)
+        return every
+
     def _mechanics(self, results: Mapping[str, Columns], gave_way: NDArray[np.bool_]) -> Columns:
         plan = self.plan
-        shown = [
-            name
-            for quantity in plan.quantities
-            for name in COMPONENTS.get(quantity, ())[: None if plan.loads_sideways else 1]
+        parts = [
+            part
+            for name in plan.quantities
+            for part in QUANTITIES[name].parts[: None if plan.loads_sideways else 1]
+            if all(part.column in result for result in results.values())
         ]
-        table = {f"{self.prefixes[model]}{name}": result[name] for model, result in results.items() for name in shown}
+        table = {
+            f"{self.prefixes[model]}{part.column}": result[part.column]
+            for model, result in results.items()
+            for part in parts
+        }
         if plan.truth:
             for model in (model for model in results if model != plan.truth):
-                for name in shown:
-                    error = f"{self._named.error_prefix(model)}{name.rpartition('_')[0].replace('shift_z', 'shift')}"
-                    stated = percents(results[model][name], results[plan.truth][name])
-                    table[f"{error}_error_percent"] = np.where(gave_way & (name in SIDEWAYS), NAN, stated)
+                for part in parts:
+                    stated = percents(results[model][part.column], results[plan.truth][part.column])
+                    error = f"{self._named.error_prefix(model)}{part.error_column}"
+                    table[error] = np.where(gave_way & part.along_shear, NAN, stated)
         return table
 
     def _formula(self, level: str, code: int, problem: Problem) -> Answer:
@@ -451,19 +458,32 @@ def critical_verdict(critical: Answer) -> str:
     return "stable" if whole else "unknown"
 
 
+def stored_columns(quantity: Quantity, batch: Batch, answers: Sequence[Answer]) -> Columns:
+    """Return the columns of a quantity's stored parts, from the answers to the distinct problems of a batch."""
+    parts = [part for part in quantity.parts if part.stored]
+    D = _of_problems(batch, lambda design: design.D) if parts else np.zeros(0)
+    table: Columns = {}
+    for part in parts:
+        values = _of_answers(batch, [answer.values.get(part.stored) for answer in answers])
+        table[part.column] = part.scaled(values, batch.E, D)
+        if part.estimate:
+            estimates = [
+                answer.error_estimate if quantity.path else answer.estimates.get(part.estimate) for answer in answers
+            ]
+            table[f"{part.name}_error_estimate"] = _of_answers(batch, estimates)
+        if part.half_width:
+            values = _of_answers(batch, [answer.values.get(part.half_width) for answer in answers])
+            table[f"{part.column}_half_width"] = part.scaled(values, batch.E, D)
+    return table
+
+
+def _estimate(answer: Answer, part: Part) -> float | None:
+    """Return the estimated relative error of a part; a path of its own has one alone."""
+    return answer.estimates.get(part.estimate) if answer.response else answer.error_estimate
+
+
 def _critical_columns(_: Plan, batch: Batch, answers: Sequence[Answer]) -> Columns:
-    D = _of_problems(batch, lambda design: design.D)
-    depth, force, stable = (
-        _of_answers(batch, [answer.values.get(name) for answer in answers])
-        for name in ("critical_depth_over_D", "critical_force_over_ED2", "stable_to_over_D")
-    )
-    return {
-        "critical_depth_mm": depth * D,
-        "critical_depth_error_estimate": _of_answers(batch, [answer.error_estimate for answer in answers]),
-        "critical_force_N": force * batch.E * D**2,
-        "stable_to_mm": stable * D,
-        "critical_depth_verdict": _texts(batch, [critical_verdict(answer) for answer in answers]),
-    }
+    return {"critical_depth_verdict": _texts(batch, [critical_verdict(answer) for answer in answers])}
 
 
 def _mode_columns(_: Plan, batch: Batch, answers: Sequence[Answer]) -> Columns:
@@ -505,26 +525,12 @@ def _vibration(plan: Plan, problem: Problem, answer: Answer) -> tuple[float, ...
     return abs(gain), math.degrees(cmath.phase(gain)), bandwidth * unit, resonance * unit, Q
 
 
-def _cycle_columns(_: Plan, batch: Batch, answers: Sequence[Answer]) -> Columns:
-    D = _of_problems(batch, lambda design: design.D)
-    gap, area, largest = (
-        _of_answers(batch, [answer.values.get(name) for answer in answers])
-        for name in ("gap_percent", "area_over_ED3", "largest_over_ED2")
-    )
-    return {
-        "loop_gap_percent": gap,
-        "loop_area_mJ": area * batch.E * D**3,
-        "loop_largest_force_N": largest * batch.E * D**2,
-    }
-
-
 OTHERS: dict[str, Callable[[Plan, Batch, Sequence[Answer]], Columns]] = {
     "critical_depth": _critical_columns,
     "modes": _mode_columns,
     "response": _response_columns,
-    "cycle": _cycle_columns,
 }
-"""Columns of the quantities that are paths of their own (`studies.mechanics.path_solver.KINDS`)."""
+"""Columns that are derived from what the paths of quantities of their own store."""
 
 
 def _of_answers(batch: Batch, values: Sequence[float | None]) -> Array:

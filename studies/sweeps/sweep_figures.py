@@ -9,7 +9,6 @@ Of a study with more than some ten thousand cases every k-th value of its longes
 
 from __future__ import annotations
 
-import csv
 import itertools
 import math
 from collections import Counter
@@ -30,14 +29,12 @@ from studies.output import figures
 from studies.output.figures import Figure, Guide, Look, bands, short
 from studies.output.maps import ERROR_EDGES, heat, spots
 from studies.output.text_tables import quantity_name
+from studies.quantities import drawn_parts
 from studies.sweeps.sweep_columns import SweepColumns
 
 if TYPE_CHECKING:
     import pandas as pd
 
-with Path(__file__).with_name("sweep_quantities.csv").open(encoding="utf-8", newline="") as _file:
-    QUANTITIES = {row["quantity"]: row for row in csv.DictReader(_file)}
-"""Quantities that are drawn: names of their axes, and columns and names of their errors, in %."""
 MOST_COLOURS = 6
 """Greatest number of values of an axis that are told apart by colours."""
 MOST_PANELS = 12
@@ -73,7 +70,7 @@ class Subject(NamedTuple):
     is_error: bool = False
 
 
-def sweep(table: pd.DataFrame, study: SweepColumns, quantities: Sequence[str] = tuple(QUANTITIES)) -> list[Figure]:
+def sweep(table: pd.DataFrame, study: SweepColumns, quantities: Sequence[str] = ()) -> list[Figure]:
     """Return the figures of rows of sweep.csv, those of a quantity and of its errors one after the other."""
     axes = [name for name in study.axes if table[name].nunique() > 1] or list(study.axes[:1])
     if not axes or not len(table):
@@ -81,13 +78,13 @@ def sweep(table: pd.DataFrame, study: SweepColumns, quantities: Sequence[str] = 
     table, axes, notes = _grouped_axes(table, axes)
     notes += failures(table)
     draw = _scattered if is_sampled(table, axes) else _over_grid
-    drawn = [figure for quantity in quantities for figure in draw(table, axes, study, quantity)]
+    drawn = [figure for quantity in quantities or drawn_parts() for figure in draw(table, axes, study, quantity)]
     return [replace(drawn[0], notes=(*drawn[0].notes, *notes)), *drawn[1:]] if drawn else []
 
 
 def drawn_quantities(study: SweepColumns, table: pd.DataFrame) -> list[str]:
     """Return the quantities that figures show of a table."""
-    return [name for name in QUANTITIES if study.answers(name, table.columns)]
+    return [name for name in drawn_parts() if study.answers(name, table.columns)]
 
 
 def is_sampled(table: pd.DataFrame, axes: Sequence[str]) -> bool:
@@ -117,11 +114,11 @@ def errors(table: pd.DataFrame, axes: Sequence[str], study: SweepColumns, quanti
     """Return the errors of all models against the reference as `answers` does; the reference says what is stable."""
     import pandas as pd
 
-    column = QUANTITIES[quantity]["error"]
+    column = drawn_parts()[quantity].error_column
     failed, doubted = _verdicts(table, study, study.reference)
     gave_way = table["error_status"] == "gave_way" if "error_status" in table else pd.Series(False, table.index)
     parts = []
-    for model, name in study.errors(column, table.columns).items() if column else ():
+    for model, name in study.errors(column, table.columns).items():
         lost = failed | gave_way | _verdicts(table, study, model)[0]
         value = table[name].where(~lost)
         parts.append(
@@ -278,7 +275,7 @@ def _over_grid(table: pd.DataFrame, axes: Sequence[str], study: SweepColumns, qu
     some = tidy["value"].notna().any()
     if not len(tidy) or not (some or tidy["failed"].all()):
         return
-    label = QUANTITIES[quantity]["label"]
+    label = drawn_parts()[quantity].title
     words, unit, styles = in_words(label), label.partition("(")[2].rstrip(")"), tuple(dict.fromkeys(tidy["model"]))
     known = tidy.groupby("model", sort=False)["value"].count()
     silent = list(known.index[known == 0]) if some else []
@@ -300,7 +297,7 @@ def _over_grid(table: pd.DataFrame, axes: Sequence[str], study: SweepColumns, qu
     judged = judged[judged.groupby("model")["value"].transform("count") > 0]
     if len(judged):
         caption = " ".join(_share(part, name) for name, part in judged.groupby("model", sort=False))
-        name = QUANTITIES[quantity]["error_of"]
+        name = drawn_parts()[quantity].words
         subject = Subject(f"Error of the {name}{_alone(judged)}", "error (%)", is_error=True)
         yield _drawn(subject, caption, judged, view(judged, axes), table, [], styles)
 
@@ -454,7 +451,7 @@ def _scattered(table: pd.DataFrame, axes: Sequence[str], study: SweepColumns, qu
     import pandas as pd
 
     numeric = [axis for axis in axes if table[axis].dtype.kind in "fiu"]
-    label, name = QUANTITIES[quantity]["label"], QUANTITIES[quantity]["error_of"]
+    label, name = drawn_parts()[quantity].title, drawn_parts()[quantity].words
     judged = errors(table, axes, study, quantity)
     for tidy, unit in ((answers(table, axes, study, quantity), label), (judged, f"error of the {name} (%)")):
         if not numeric or not tidy["value"].notna().any():

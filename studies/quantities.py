@@ -1,0 +1,259 @@
+"""What studies answer: each quantity is declared here, and nowhere else.
+
+A quantity has columns, its *parts*: components of a vector, or numbers that are asked for together. Name and unit of
+a part make its column, words and unit the title of its axis. From the list follow the columns of tables, files and
+JSON, the names that messages and help state, the figures, and the README's row. There are three kinds:
+
+- of the response: force and pose, which every model answers (`geometry.loads.Response`);
+- *stored*: a value that the finite elements leave beside the response, in the dimensionless form in which the store
+  keeps it, and the exponents of E and D that turn it into its unit. A new one is an attribute of `fem.solution.Facts`
+  and a row here; states that were stored without it are solved again when it is asked for;
+- *derived*: a function of the fields and the other answers of one model. A new one is a row here.
+
+`path`: the quantity has a solve of its own (`studies.mechanics.path_solver`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal, TypeVar
+
+if TYPE_CHECKING:
+    from geometry.arrays import Array
+
+COLUMN_UNITS = {"1": "", "V/T": "_V_per_T", "V/sqrt(Hz)": "_V_per_sqrtHz", "kg/m3": "_kg_per_m3", "mm/s": "_mm_per_s"}
+"""Last part of a column's name for units that cannot stand there as they are."""
+SYMBOLS = {"1": "", "percent": "%", "deg": "°", "um": "µm", "mm3": "mm³", "kg/m3": "kg/m³", "V/sqrt(Hz)": "V/√Hz"}
+"""Units as people read them, where they differ from their names."""
+Number = TypeVar("Number", float, "Array")
+Path = Literal["", "critical depth", "modes", "response", "cycle"]
+
+
+def column_name(name: str, unit: str) -> str:
+    """Return the name of a column with its unit.
+
+    >>> column_name("force", "N"), column_name("nu", "1"), column_name("L/D", "1"), column_name("stiffness", "N/mm")
+    ('force_N', 'nu', 'L_over_D', 'stiffness_N_per_mm')
+    """
+    return name.replace("/", "_over_") + COLUMN_UNITS.get(unit, f"_{unit.replace('/', '_per_')}")
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A number of a quantity, with a column for each model.
+
+    Attributes
+    ----------
+    words : what it is, for titles of axes.
+    drawn : whether figures of a sweep show it.
+    estimate : name of its estimated relative error (`fem.solution.Estimates`); those of force and shift are errors of
+        the vectors.
+    error : first part of the column of its error against the reference; default: its name.
+    along_shear : whether a beam that gave way has no error of it.
+    stored, item : key of the stored value, and the place in it if that is a list.
+    half_width : key of the stored half width, which has a column too.
+    factor, scale : on the stored value, and exponents of E, MPa, and D, mm.
+    """
+
+    name: str
+    unit: str
+    words: str
+    drawn: bool = True
+    estimate: str = ""
+    error: str = ""
+    along_shear: bool = False
+    stored: str = ""
+    item: int | None = None
+    half_width: str = ""
+    factor: float = 1.0
+    scale: tuple[int, int] = (0, 0)
+
+    @property
+    def column(self) -> str:
+        """Name of its column, behind that of the model."""
+        return column_name(self.name, self.unit)
+
+    @property
+    def title(self) -> str:
+        """Title of an axis.
+
+        >>> Part("loop_gap", "percent", "gap of the loop").title, Part("nu", "1", "Poisson's ratio").title
+        ('gap of the loop (%)', "Poisson's ratio")
+        """
+        symbol = SYMBOLS.get(self.unit, self.unit)
+        return f"{self.words} ({symbol})" if symbol else self.words
+
+    @property
+    def error_column(self) -> str:
+        """Name of the column of its error against the reference, behind that of the model."""
+        return f"{self.error or self.name}_error_percent"
+
+    def scaled(self, values: Number, E: Number, D: Number) -> Number:
+        """Return stored values in the unit of the part."""
+        scaled = self.factor * values if self.factor != 1 else values
+        for base, exponent in zip((E, D), self.scale, strict=True):
+            scaled = scaled * base**exponent if exponent else scaled
+        return scaled
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """What can be asked for, with its parts; the first part is always shown, others where loads act sideways.
+
+    Attributes
+    ----------
+    words : what it is, for help and README; "" if its name says it.
+    usual : whether studies that name no quantities have it; `sideways`: if loads act sideways.
+    of_sensor : whether it needs no load.
+    derive : returns the values of the only part from columns of fields and of the model's answers, shape (n,) each.
+    """
+
+    name: str
+    parts: tuple[Part, ...]
+    words: str = ""
+    usual: Literal["", "always", "sideways"] = ""
+    path: Path = ""
+    of_sensor: bool = False
+    derive: Callable[[Mapping[str, Array]], Array] | None = None
+
+
+def _stiffness(of: Mapping[str, Array]) -> Array:
+    return of["force_N"] / of["depth_mm"]
+
+
+QUANTITIES: dict[str, Quantity] = {}
+"""Quantities by name, in the order of their columns."""
+
+
+def register(quantity: Quantity) -> None:
+    """Add a quantity to the list."""
+    QUANTITIES[quantity.name] = quantity
+
+
+for _quantity in (
+    Quantity(
+        "force",
+        (
+            Part("force", "N", "press force", estimate="force"),
+            Part("force_x", "N", "force along the shear", estimate="sideways", along_shear=True),
+            Part("force_y", "N", "force along y", drawn=False, estimate="sideways", along_shear=True),
+        ),
+        usual="always",
+    ),
+    Quantity(
+        "shift",
+        (
+            Part("shift_z", "mm", "vertical motion of the magnet", estimate="shift", error="shift"),
+            Part("shift_x", "mm", "sideways motion of the magnet", estimate="shift", along_shear=True),
+            Part("shift_y", "mm", "motion of the magnet along y", drawn=False, estimate="shift", along_shear=True),
+        ),
+        usual="always",
+    ),
+    Quantity(
+        "tilt",
+        (
+            Part("tilt", "rad", "tilt", estimate="tilt", along_shear=True),
+            Part("tilt_y", "rad", "tilt towards y", drawn=False, estimate="tilt", along_shear=True),
+        ),
+        usual="sideways",
+    ),
+    Quantity("contact_radius", (Part("contact_radius", "mm", "contact radius", drawn=False),), usual="always"),
+    Quantity(
+        "strain",
+        (
+            Part(
+                "largest_strain",
+                "percent",
+                "strain of 99.9 % of the silicone",
+                stored="largest_strain",
+                factor=100.0,
+                estimate="strain",
+            ),
+        ),
+    ),
+    Quantity(
+        "sideways_stiffness",
+        (
+            Part(
+                "sideways_stiffness_ratio",
+                "1",
+                "sideways stiffness over that of the unpressed beam",
+                stored="sideways_stiffness_ratio",
+                half_width="sideways_half_width",
+            ),
+        ),
+        words="over that of the unpressed beam: of frictionless presses by finite elements",
+    ),
+    Quantity(
+        "stiffness",
+        (Part("stiffness", "N/mm", "press force over depth"),),
+        "press force over depth",
+        derive=_stiffness,
+    ),
+    Quantity("readings", (Part("S1", "V", "output of S1"),), usual="always"),
+    Quantity("decoded_force_error", ()),
+    Quantity(
+        "critical_depth",
+        (
+            Part(
+                "critical_depth",
+                "mm",
+                "critical depth",
+                stored="critical_depth_over_D",
+                scale=(0, 1),
+                estimate="depth",
+            ),
+            Part("critical_force", "N", "critical force", False, stored="critical_force_over_ED2", scale=(1, 2)),
+            Part(
+                "stable_to", "mm", "depth down to which it is stable", False, stored="stable_to_over_D", scale=(0, 1)
+            ),
+        ),
+        path="critical depth",
+        of_sensor=True,
+    ),
+    Quantity("modes", (Part("mode1", "Hz", "first natural frequency"),), path="modes", of_sensor=True),
+    Quantity(
+        "response",
+        (
+            Part("response_gain", "1", "gain of the magnet's shift per N"),
+            Part("response_bandwidth", "Hz", "-3 dB bandwidth per N"),
+            Part("response_resonance", "Hz", "first resonance per N"),
+        ),
+        path="response",
+    ),
+    Quantity(
+        "cycle",
+        (
+            Part("loop_gap", "percent", "gap of the loop at mid-stroke, of full scale", stored="gap_percent"),
+            Part("loop_area", "mJ", "area of the loop", drawn=False, stored="area_over_ED3", scale=(1, 3)),
+            Part("loop_largest_force", "N", "largest force", drawn=False, stored="largest_over_ED2", scale=(1, 2)),
+        ),
+        path="cycle",
+    ),
+):
+    register(_quantity)
+
+
+def drawn_parts() -> dict[str, Part]:
+    """Return the parts that figures of a sweep show, by their columns."""
+    return {part.column: part for each in QUANTITIES.values() for part in each.parts if part.drawn}
+
+
+def stored_parts() -> list[Part]:
+    """Return the parts that a state holds beside its response."""
+    return [part for each in QUANTITIES.values() if not each.path for part in each.parts if part.stored]
+
+
+def stored_values(names: Iterable[str]) -> tuple[str, ...]:
+    """Return the keys of the values that a state holds for quantities: attributes of `fem.solution.Facts`."""
+    asked = [part for name in names for part in QUANTITIES[name].parts]
+    return tuple(part.stored for part in stored_parts() if part in asked)
+
+
+def choice() -> str:
+    """Return the names of all quantities, and those that are usual, in a sentence for help."""
+    usual, sideways = (
+        ", ".join(name for name, each in QUANTITIES.items() if each.usual == when) for when in ("always", "sideways")
+    )
+    return f"Any of {', '.join(QUANTITIES)}; default: {usual}, and {sideways} if a load acts sideways."

@@ -1,0 +1,132 @@
+"""What a new quantity costs: a row, and for a stored one an attribute of the facts; everything else follows."""
+
+import dataclasses
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import magtip
+from fem import solution
+from fem.results import diagnostics
+from studies import quantities
+from studies.inputs.study_input import checked_quantities, needs_load
+from studies.mechanics.path_solver import lacks
+from studies.mechanics.store import State
+from studies.quantities import QUANTITIES, Part, Quantity, stored_values
+from studies.simulation import state_rows
+from studies.sweeps.answer_plot import plot
+
+ROOT = Path(__file__).resolve().parent.parent
+PRESSES = pd.DataFrame({"L_mm": [9.0, 11.0], "E_MPa": [0.5, 1.3], "depth_mm": 0.5})
+WORK = Quantity(
+    "work",
+    (Part("work", "mJ", "work of a linear press", estimate="force"),),
+    "half of force times depth",
+    derive=lambda of: of["force_N"] * of["depth_mm"] / 2,
+)
+
+
+@pytest.fixture
+def with_work(monkeypatch):
+    monkeypatch.setitem(QUANTITIES, WORK.name, WORK)
+
+
+def test_a_derived_quantity_is_a_row(with_work):
+    answers = magtip.answer(PRESSES, ["surrogate", "finite"], quantities=["force", "work"])
+    for model in ("surrogate", "analytic"):
+        expected = answers[f"{model}_force_N"] * PRESSES["depth_mm"] / 2
+        assert answers[f"{model}_work_mJ"].to_numpy() == pytest.approx(expected.to_numpy(), rel=1e-15)
+    assert "work" in quantities.choice()
+    assert checked_quantities(["work"]) == ("work",)
+    with pytest.raises(magtip.BadInput, match="work"):
+        checked_quantities(["wrok"])
+
+
+def test_a_derived_quantity_has_an_axis_title_and_a_figure(with_work):
+    answers = magtip.answer(PRESSES, ["surrogate", "finite"], quantities=["work"])
+    chart = plot(answers, x="L_mm", y="work_mJ").to_dict()
+    assert "work of a linear press (mJ)" in json.dumps(chart)
+
+
+def test_a_derived_quantity_is_in_every_output_of_a_sweep(with_work, tmp_path, run):
+    words = ["sweep", "paper", "--axis", "L=9,11", "--depth", "0.5", "--models", "surrogate,finite", "--quantities"]
+    code, out, _ = run(*words, "work", "--json")
+    assert code == 0
+    assert json.loads(out.splitlines()[0])["surrogate_work_mJ"] > 0
+    code, out, _ = run(*words, "work", "--wide", "--out", str(tmp_path / "sweep"))
+    assert code == 0
+    assert {"work", "(mJ)"} <= set(out.split())
+    assert "analytic_work_mJ" in pd.read_csv(tmp_path / "sweep" / "sweep.csv")
+    assert (tmp_path / "sweep" / "sweep.png").exists()
+
+
+def test_the_help_names_all_quantities(run):
+    assert quantities.choice() in " ".join(re.sub(r"[│\s]+", " ", run("sweep", "--help")[1]).split())
+
+
+def test_a_stored_quantity_is_an_attribute_and_a_row(monkeypatch, tmp_path):
+    """It is in sweeps and in `solve` with its unit, and states that are kept without it are solved again."""
+    of_facts = Quantity("load_number", (Part("load_number", "MPa", "a load", stored="load_number", scale=(1, 0)),))
+
+    @dataclasses.dataclass(frozen=True)
+    class Facts(solution.Facts):
+        load_number: float | None = 0.25
+
+    presses, store = PRESSES.assign(E_MPa=[0.5, 1.0]), tmp_path / "states.db"
+    before = magtip.answer(presses, ["fem:quick"], quantities=["force"], store=store)
+    monkeypatch.setitem(QUANTITIES, of_facts.name, of_facts)
+    monkeypatch.setattr(diagnostics, "Facts", Facts)
+    after = magtip.answer(presses, ["fem:quick"], quantities=["force", "load_number"], store=store)
+    assert after["fem_load_number_MPa"].tolist() == [0.125, 0.25]
+    assert after["fem_force_N"].to_numpy() == pytest.approx(before["fem_force_N"].to_numpy(), rel=1e-10)
+    state = magtip.solve(magtip.paper(E=2.0), depth=0.1, accuracy="quick")
+    assert state_rows.solved_row(state, {"D_mm": 8.0, "E_MPa": 2.0})["load_number_MPa"] == 0.5
+
+
+def test_states_without_a_value_lack_it():
+    state = State(0.1, 0.0, "ok", "ok", {"values": {"largest_strain": 0.1}}, 0.0, "")
+    assert not lacks(state, stored_values(["strain", "critical_depth"]))
+    assert lacks(state, stored_values(["strain", "sideways_stiffness"]))
+    assert not lacks(dataclasses.replace(state, outcome="failed"), ["anything"])
+
+
+def test_stored_values_are_facts():
+    names = {field.name for field in dataclasses.fields(solution.Facts)}
+    assert set(stored_values(QUANTITIES)) <= names
+    halves = {part.half_width for each in QUANTITIES.values() if not each.path for part in each.parts}
+    assert halves - {""} <= names
+
+
+def test_estimates_are_those_of_the_finite_elements():
+    names = {field.name for field in dataclasses.fields(solution.Estimates)}
+    assert {part.estimate for each in QUANTITIES.values() for part in each.parts} - {""} <= names
+
+
+def test_the_readme_names_all_quantities():
+    text = (ROOT / "studies" / "README.md").read_text("utf-8")
+    assert f"| `quantities` | {', '.join(QUANTITIES)} |" in text
+
+
+def test_columns_are_unique_and_units_are_known():
+    parts = [part for each in QUANTITIES.values() for part in each.parts]
+    columns = [part.column for part in parts]
+    assert len(set(columns)) == len(columns)
+    assert {part.unit for part in parts} <= {"N", "mm", "rad", "percent", "1", "N/mm", "MPa", "V", "Hz", "mJ"}
+
+
+def test_scaling_is_by_powers_of_modulus_and_diameter():
+    part = Part("energy", "mJ", "energy", stored="energy", scale=(1, 3), factor=2.0)
+    E, D = np.array([0.5, 2.0]), np.array([8.0, 10.0])
+    assert part.scaled(np.array([0.1, 0.2]), E, D).tolist() == [2 * 0.1 * 0.5 * 8.0**3, 2 * 0.2 * 2.0 * 10.0**3]
+
+
+def test_only_the_sensor_s_own_quantities_need_no_load():
+    assert [needs_load(names) for names in (["critical_depth", "modes"], ["modes", "stiffness"], [])] == [
+        False,
+        True,
+        True,
+    ]
