@@ -4,8 +4,10 @@ import csv
 import io
 import sys
 from functools import cache
+from itertools import pairwise
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from studies.output import console, text_tables
@@ -36,29 +38,35 @@ def test_no_line_is_longer_than_the_terminal(columns, capsys, monkeypatch):
         assert max(map(len, capsys.readouterr().out.splitlines())) <= columns, name
 
 
-@pytest.mark.parametrize("room", [40, 80, None])
-def test_no_value_is_cut(room):
+@pytest.mark.parametrize("columns", ["40", "80", ""])
+def test_no_value_is_cut(columns, capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", columns)
     for name in TABLES:
-        nothing_is_cut(rows_of(name), room)
+        nothing_is_cut(rows_of(name), capsys)
 
 
-def nothing_is_cut(rows, room):
-    columns = {key: text_tables.column(key, [row[key] for row in rows]) for key in rows[0]}
-    chosen = [columns[key] for key in text_tables.fitting(columns, (), room) or ()]
-    widths = text_tables.spread(chosen, room)
-    assert room is None or sum(widths) + 2 * (len(widths) - 1) <= room
-    for k, row in enumerate(zip(*(column.cells for column in chosen), strict=True)):
-        lines = text_tables.row(row, widths)
-        start = 0
-        for column, width in zip(chosen, widths, strict=True):
-            pieces = " ".join(line[start : start + width].strip() for line in lines).split()
-            assert pieces == column.cells[k].split(), column.head
-            start += width + 2
-    upright = text_tables.upright(rows[0], room, 4)
-    shown = [f"{text_tables.shown(key, value, 4)} {text_tables.heading(key)[1]}" for key, value in rows[0].items()]
-    names = [text_tables.heading(key)[0] for key in rows[0]]
-    whole = "".join("".join(pair) for pair in zip(names, shown, strict=True))
-    assert "".join("".join(upright).split()) == "".join(whole.split())
+def shown(key, value, digits=4):
+    return text_tables.shown(key, value, digits).split()
+
+
+def nothing_is_cut(rows, capsys):
+    table = console._Table("", rows[0], (), console.room())
+    table.add(rows)
+    whole, rest = capsys.readouterr().out.splitlines(), rows
+    if table.widths is not None:
+        starts = np.cumsum([0, *(width + console.GAP for width in table.widths.values())])
+        assert starts[-1] - console.GAP <= console.room()
+        head = next(k for k, line in enumerate(whole) if line.startswith("─"))
+        columns = [" ".join(line[a:b] for line in whole[head + 1 :]).split() for a, b in pairwise(starts)]
+        for key, words in zip(table.widths, columns, strict=True):
+            assert words == [word for row in rows for word in shown(key, row[key])], key
+        rest = rows[:1]
+        console.report(rest, as_json=False)
+        whole = capsys.readouterr().out.splitlines()
+    digits = 5 if rest is not rows else 4
+    upright = [(*text_tables.heading(key), *shown(key, row[key], digits)) for row in rest for key in row]
+    said = "".join(f"{name}{''.join(words)}{unit}" for name, unit, *words in upright)
+    assert "".join("".join(whole).split()) == "".join(said.split())
 
 
 def test_wide_has_all_columns(capsys, monkeypatch):

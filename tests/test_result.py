@@ -20,10 +20,8 @@ from studies.output.result import (
     GOOD,
     Destination,
     Interrupted,
-    Lines,
     Result,
     Table,
-    Texts,
     failure_of,
     of_record,
     publish,
@@ -55,8 +53,8 @@ def test_json_has_the_records_and_nothing_else(capsys):
 
 def test_the_terminal_has_the_blocks_in_their_order(capsys):
     shown = [
-        Lines("Lines", [("depth", "1 mm")]),
-        Texts("Texts", ["modulus"], [["long-term"], ["instantaneous"]]),
+        Table(title="Lines", rows=[{"depth": "1 mm"}]),
+        Table(title="Texts", rows=[{"modulus": "long-term"}, {"modulus": "instantaneous"}]),
         Table(title="Table", rows=ROWS, places=("depth_mm",)),
         "A note.",
     ]

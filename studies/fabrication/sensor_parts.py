@@ -24,7 +24,7 @@ from studies.fabrication.sensor_solids import (
 )
 from studies.output import atomic_files, console, own_files
 from studies.output.records import FlatRow
-from studies.output.result import Block, Result, Table, Texts, failure_of
+from studies.output.result import Block, Result, Table, failure_of
 from studies.simulation import design_summary
 
 if TYPE_CHECKING:
@@ -231,12 +231,12 @@ def result_of(rows: Sequence[FlatRow]) -> Result:
     (sensor,) = rows
     parts = Table(title=f"Parts in {sensor['folder']}, each .step .stl .3mf", rows=sensor["parts"])
     checks = [
-        [each["name"], f"{each['value']:.3g}", each["bound"], each["unit"], "yes" if each["passed"] else "NO"]
+        {"check": each["name"]} | {key: each[key] for key in ("value", "bound", "unit", "passed")}
         for each in sensor["checks"]
     ]
     shown: list[Block] = [
         *([parts] if sensor["parts"] else []),
-        Texts("Checks", ["check", "value", "bound", "unit", "passed"], checks),
+        Table(title="Checks", rows=checks),
         *([casting_recipe.size_sentence(sensor)] if "beam_size_mm" in sensor else []),
         *([f"Start with {sensor['folder'] / RECIPE}."] if sensor["parts"] else []),
     ]

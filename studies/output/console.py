@@ -5,36 +5,51 @@ from __future__ import annotations
 import contextlib
 import importlib
 import os
+import re
 import shutil
 import sys
 import threading
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextvars import ContextVar
-from dataclasses import replace
-from typing import Any, TextIO
+from typing import TYPE_CHECKING, Any, TextIO
 
 from geometry.messages import WARNING, Progress
 from studies.output import text_tables
 from studies.output.atomic_files import json_line
-from studies.output.text_tables import Column
+from studies.output.literals import one_line
 
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+UNLIMITED = 1_000_000
+"""Characters of a line in a file, in a pipe, or of a table that is wide."""
 MOST_NAMED = 6
 """Greatest number of records that are listed for a message, and of hidden columns that are named."""
 SENTENCES = ("message", "warning", "warnings")
 """Keys of sentences, which verbs print in full below a table; only a wide table has columns for them."""
-NUMBER, LIST = 8, 20
-"""Initial widths of columns of numbers and of lists, characters, in a table whose rows are printed one by one."""
+VECTOR = re.compile(r"[-+.\de]*(, [-+.\de]+){0,2}")
+"""Up to three numbers, which are never broken over lines."""
+GAP = 2
+"""Space between columns, characters."""
+LEFTMOST = 2
+"""Number of columns that a table must show if a verb does not name the columns that it needs."""
+LEAST_TEXT = 20
+"""Least width of a column of texts, characters, unless a word is longer; texts are broken between words only."""
+NUMBER = 7
+"""Least characters of a number in a table whose rows are printed one by one, so that it is rarely widened."""
+RECENT = 3600.0
+"""Time over which the progress is measured that gives the time left, s: one solve may take minutes."""
 
 
-def room() -> int | None:
+def room() -> int:
     """Return the characters of a line: the environment variable COLUMNS, else the width of the terminal.
 
-    None if standard output is no terminal: a table in a file or a pipe has all its columns.
+    A table in a file or a pipe has all its columns.
     """
     columns = os.environ.get("COLUMNS", "")
     if columns.isdecimal() and int(columns) > 0:
         return int(columns)
-    return shutil.get_terminal_size().columns if sys.stdout.isatty() else None
+    return shutil.get_terminal_size().columns if sys.stdout.isatty() else UNLIMITED
 
 
 def report(
@@ -63,86 +78,13 @@ def report(
             print(json_line(record), flush=True)
         return
     if len(records) == 1:
-        (record,) = records
-        shown = {key: value for key, value in record.items() if wide or key not in brief}
-        _print_lines(title, text_tables.upright(shown, room()))
+        keys = [key for key in records[0] if wide or key not in brief]
+        _print([*_titled(title), *_upright(records[0], keys, 5), ""])
     elif records:
         keys, rest = _keys(records, brief, wide=wide)
-        columns = {key: text_tables.column(key, [record.get(key) for record in records]) for key in keys}
-        space = None if wide else room()
-        chosen = text_tables.fitting(columns, first, space)
-        if chosen is None:
-            blocks = [text_tables.upright({key: record.get(key) for key in keys}, space, 4) for record in records]
-            _print_lines(title, [line for block in blocks for line in (*block, "")][:-1])
-            chosen = keys
-        else:
-            _print_lines(title, text_tables.table([columns[key] for key in chosen], space))
-        _name_hidden_columns([*(key for key in keys if key not in chosen), *rest])
-
-
-def _keys(records: Sequence[Mapping[str, Any]], brief: Sequence[str], *, wide: bool) -> tuple[list[str], list[str]]:
-    filled = dict.fromkeys(key for record in records for key, value in record.items())
-    empty = {key for key in filled if all(record.get(key) in (None, "") for record in records)}
-    keys = [key for key in filled if key not in empty]
-    rest = [] if wide else [key for key in keys if key in (*brief, *SENTENCES)]
-    return [key for key in keys if key not in rest], [key for key in rest if key not in SENTENCES]
-
-
-def _name_hidden_columns(keys: Sequence[str]) -> None:
-    keys = list(dict.fromkeys(keys))
-    if keys:
-        names = [text_tables.heading(key)[0] for key in keys[:MOST_NAMED]]
-        more = f" and {len(keys) - MOST_NAMED} more" if len(keys) > MOST_NAMED else ""
-        note(f"Left out: {', '.join(names)}{more}; --wide and --json show all columns.")
-
-
-class _Stream:
-    """A table whose rows are printed one by one; the head is printed again when a value needs a wider column.
-
-    `chosen` are the keys of the columns shown; None if rows are printed with one value to a line.
-    """
-
-    def __init__(self, title: str, keys: Sequence[str], first: Sequence[str], space: int | None) -> None:
-        self.title, self.keys, self.first, self.space = title, list(keys), first, space
-        self.columns: dict[str, Column] = {}
-        self.chosen: list[str] | None = []
-
-    def add(self, record: Mapping[str, Any]) -> None:
-        """Print a row."""
-        new = {key: text_tables.column(key, [record.get(key)]) for key in self.keys}
-        if not self.columns or any(new[key].least > self.columns[key].least for key in self.keys):
-            self._widen(new, record)
-        if self.chosen is None:
-            lines = text_tables.upright({key: record.get(key) for key in self.keys}, self.space, 4)
-            _print_lines(self.title, lines)
-        else:
-            widths = [self.columns[key].least for key in self.chosen]
-            print("\n".join(text_tables.row([new[key].cells[0] for key in self.chosen], widths)), flush=True)
-        self.title = ""
-
-    def _widen(self, new: Mapping[str, Column], record: Mapping[str, Any]) -> None:
-        """Widen the columns for a row, and print the head.
-
-        A column is never narrowed, and new columns get spare characters, so that the head is rarely printed again.
-        """
-        for key, column in new.items():
-            value = record.get(key)
-            spare = LIST if isinstance(value, (list, tuple)) else NUMBER if isinstance(value, (int, float)) else 0
-            before = self.columns[key].cells if key in self.columns else (" " * spare,)
-            self.columns[key] = replace(column, cells=(max(*before, *column.cells, key=len),))
-        self.chosen = text_tables.fitting(self.columns, self.first, self.space)
-        if self.chosen is not None:
-            widths = [self.columns[key].least for key in self.chosen]
-            lines = text_tables.headed([self.columns[key].head for key in self.chosen], widths)
-            print("\n".join(([self.title] if self.title else [""]) + lines), flush=True)
-
-    def end(self, records: Sequence[Mapping[str, Any]]) -> None:
-        """Name the columns of the records that the table did not show."""
-        if self.chosen is not None:
-            print(flush=True)
-        chosen = self.keys if self.chosen is None else self.chosen
-        keys, _ = _keys(records, (), wide=False)
-        _name_hidden_columns([key for key in (*self.keys, *keys) if key not in chosen])
+        table = _Table(title, keys, first, UNLIMITED if wide else room())
+        table.add(records)
+        table.end(rest)
 
 
 def stream(
@@ -164,19 +106,165 @@ def stream(
     count : how many records are expected; a single one is printed with one value to a line.
     """
     printed: list[dict[str, Any]] = []
-    rows: _Stream | None = None
+    table: _Table | None = None
     for record in records:
+        printed.append(dict(record))
         if as_json or count == 1:
             report([record], as_json=as_json, title=title, brief=brief, wide=wide)
-        else:
-            if rows is None:
-                every = [key for key in record if key not in SENTENCES]
-                rows = _Stream(title, every if wide else keys, first, None if wide else room())
-            rows.add(record)
-        printed.append(dict(record))
-    if rows is not None:
-        rows.end(printed)
+            continue
+        if table is None:
+            every = [key for key in record if key not in SENTENCES]
+            table = _Table(title, every if wide else keys, first, UNLIMITED if wide else room(), NUMBER)
+        table.add([record])
+    if table is not None:
+        table.end(_keys(printed, table.keys, wide=False)[0])
     return printed
+
+
+def _keys(records: Sequence[Mapping[str, Any]], brief: Sequence[str], *, wide: bool) -> tuple[list[str], list[str]]:
+    """Return the keys that have values in a record, and those of them that only a wide table shows."""
+    every = dict.fromkeys(key for record in records for key in record)
+    keys = [key for key in every if any(record.get(key) not in (None, "") for record in records)]
+    rest = [] if wide else [key for key in keys if key in (*brief, *SENTENCES)]
+    return [key for key in keys if key not in rest], [key for key in rest if key not in SENTENCES]
+
+
+class _Table:
+    """A table whose records are printed as they come; its head is printed again when a value needs a wider column.
+
+    Parameters
+    ----------
+    first : keys that the table must show, the most important first; default: the leftmost `LEFTMOST`.
+    space : characters of a line.
+    number : characters that a column has at least for each number.
+    """
+
+    def __init__(self, title: str, keys: Sequence[str], first: Sequence[str], space: int, number: int = 0) -> None:
+        self.title, self.keys, self.space, self.number = title, list(keys), space, number
+        self.needed = [key for key in first if key in self.keys] or self.keys[:LEFTMOST]
+        self.least: dict[str, int] = {}
+        self.widths: dict[str, int] | None = {}
+
+    def add(self, records: Sequence[Mapping[str, Any]]) -> None:
+        """Print records, as rows of the columns that fit, else with one value to a line."""
+        cells = {
+            key: [one_line(text_tables.shown(key, record.get(key), 4)) for record in records] for key in self.keys
+        }
+        least = {key: self._least(key, texts) for key, texts in cells.items()}
+        title = [] if self.least else _titled(self.title)
+        is_wider = any(width > self.least.get(key, 0) for key, width in least.items())
+        gap = [""] if is_wider and self.least else []
+        if is_wider:
+            self.least = {key: max(width, self.least.get(key, 0)) for key, width in least.items()}
+            self.widths = self._fitting(cells)
+        if self.widths is None:
+            for record in records:
+                _print([*title, *_upright(record, self.keys, 4), ""])
+                title = []
+        else:
+            _print([*title, *gap, _rows({key: cells[key] for key in self.widths}, self.widths, is_wider)], self.space)
+
+    def _least(self, key: str, cells: Sequence[str]) -> int:
+        """Return the least width of a column: no word and no vector is broken."""
+        longest = max(map(_width, cells))
+        if all(map(VECTOR.fullmatch, cells)):
+            longest = max(longest, self.number * (1 + max(cell.count(",") for cell in cells)))
+        else:
+            longest = max(min(longest, LEAST_TEXT), _longest_word(*cells))
+        return max(longest, _longest_word(text_tables.titled(key)))
+
+    def _fitting(self, cells: Mapping[str, Sequence[str]]) -> dict[str, int] | None:
+        """Return the widths of the columns that fit into a line, or None if those that are needed do not.
+
+        Texts that would be broken get the unused characters of the line.
+        """
+        taken, spare = [], self.space + GAP
+        for key in dict.fromkeys((*self.needed, *self.keys)):
+            if self.least[key] + GAP <= spare:
+                taken.append(key)
+                spare -= self.least[key] + GAP
+            elif key in self.needed:
+                return None
+        widths = {key: self.least[key] for key in self.keys if key in taken}
+        for key in widths:
+            more = min(max(map(_width, cells[key])) - widths[key], spare)
+            widths[key] += max(more, 0)
+            spare -= max(more, 0)
+        return widths
+
+    def end(self, rest: Sequence[str]) -> None:
+        """Name the columns that the table did not show, and these others."""
+        if self.widths is not None:
+            print(flush=True)
+        keys = [*(key for key in self.keys if self.widths is not None and key not in self.widths), *rest]
+        if keys:
+            names = [text_tables.heading(key)[0] for key in keys[:MOST_NAMED]]
+            more = f" and {len(keys) - MOST_NAMED} more" if len(keys) > MOST_NAMED else ""
+            note(f"Left out: {', '.join(names)}{more}; --wide and --json show all columns.")
+
+
+def _rows(cells: Mapping[str, Sequence[str]], widths: Mapping[str, int], has_head: bool) -> RenderableType:
+    """Return a table of these columns; rich breaks texts between words and aligns them.
+
+    Which columns fit is decided before: rich would break numbers, or shorten them.
+    """
+    from rich.box import SIMPLE_HEAD
+    from rich.table import Table
+
+    # the box adds one space between columns
+    table = Table(box=SIMPLE_HEAD, show_edge=False, pad_edge=False, padding=(0, GAP - 1, 0, 0), show_header=has_head)
+    for key, width in widths.items():
+        table.add_column(text_tables.titled(key), width=width, overflow="fold")
+    for row in zip(*cells.values(), strict=True):
+        table.add_row(*row)
+    return table
+
+
+def _upright(record: Mapping[str, Any], keys: Sequence[str], digits: int) -> Iterator[RenderableType]:
+    """Yield the lines of a record, each with a name, its value and unit; a long value stands below its name."""
+    from rich.padding import Padding
+
+    heads = [text_tables.heading(key) for key in keys]
+    longest = max((_width(name) for name, _ in heads), default=0)
+    for key, (name, unit) in zip(keys, heads, strict=True):
+        value = one_line(f"{text_tables.shown(key, record.get(key), digits)} {unit}".strip())
+        if longest + GAP + _width(value) <= room():
+            yield name + " " * (longest + GAP - _width(name)) + value
+        else:
+            yield name
+            yield Padding.indent(value, GAP)
+
+
+def note(text: str) -> None:
+    """Print a sentence on standard output, wrapped to the width of the terminal."""
+    _print([one_line(text)])
+
+
+def _titled(title: str) -> list[RenderableType]:
+    return [one_line(title)] if title else []
+
+
+def _width(text: str) -> int:
+    """Return the characters that a text takes on a terminal: a Chinese one takes two."""
+    from rich.cells import cell_len
+
+    return cell_len(text)
+
+
+def _longest_word(*texts: str) -> int:
+    return max((_width(word) for text in texts for word in text.split()), default=0)
+
+
+def _print(parts: Iterable[RenderableType], width: int = 0) -> None:
+    """Print texts and tables on standard output; `width`: characters of a line, default: those of `room`."""
+    from rich.console import Console
+
+    screen = Console(width=width or room(), force_jupyter=False, markup=False, emoji=False, highlight=False)
+    with screen.capture() as drawn:
+        for part in parts:
+            screen.print(part)
+    # rich fills the cells of the last column with spaces, and would end the process if nobody reads what it prints
+    print("\n".join(line.rstrip() for line in drawn.get().split("\n")), end="", flush=True)
 
 
 def remarks(
@@ -219,34 +307,6 @@ def _places(records: Sequence[Mapping[str, Any]], keys: Sequence[str]) -> str:
         return f"{name} {', '.join(cell for (cell,) in cells)} {unit}".strip() + more
     each = [[f"{n} {text} {unit}".strip() for (n, unit), text in zip(heads, row, strict=True)] for row in cells]
     return "; ".join(", ".join(parts) for parts in each) + more
-
-
-def table(title: str, heads: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    """Print a table of texts; if its columns do not all fit, print every row with one value to a line."""
-    cells = enumerate(zip(heads, *rows, strict=True))
-    columns = {str(k): Column(head, tuple(texts), breaks=True) for k, (head, *texts) in cells}
-    space = room()
-    if text_tables.fitting(columns, list(columns), space):
-        lines = text_tables.table(list(columns.values()), space)
-    else:
-        blocks = [text_tables.named(list(zip(heads, row, strict=True)), space) for row in rows]
-        lines = [line for block in blocks for line in (*block, "")][:-1]
-    _print_lines(title, lines)
-
-
-def lines(title: str, rows: Sequence[tuple[str, str]]) -> None:
-    """Print names and their values below a title, one to a line."""
-    _print_lines(title, text_tables.named(rows, room()))
-
-
-def note(text: str) -> None:
-    """Print a sentence on standard output, wrapped to the width of the terminal."""
-    print("\n".join(text_tables.wrapped(text, room())), flush=True)
-
-
-def _print_lines(title: str, lines: Sequence[str]) -> None:
-    heads = text_tables.wrapped(title, room()) if title else []
-    print("\n".join([*heads, *lines, ""]), flush=True)
 
 
 _warned: ContextVar[set[str] | None] = ContextVar("_warned", default=None)
@@ -297,19 +357,24 @@ def progress(*, as_json: bool) -> Iterator[Progress]:
         yield _rising(lambda share, text: None if as_json else say(f"{100 * share:3.0f} %  {text}"), each=False)
         return
     from rich.console import Console
-    from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
+    from rich.progress import BarColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
     from rich.progress import Progress as Bar
 
     columns = (
         BarColumn(),
         TextColumn("{task.percentage:3.0f} %"),
         TimeElapsedColumn(),
-        TextColumn("{task.description}"),
+        TimeRemainingColumn(),
+        TextColumn("left"),
+        TextColumn("{task.description}", markup=False),
     )
     # rich would redirect prints to standard error, away from a pipe or a file that standard output leads to
     redirect = sys.stdout.isatty()
-    with Bar(*columns, console=Console(stderr=True), transient=True, redirect_stdout=redirect) as bar:
+    screen = Console(stderr=True)
+    with Bar(*columns, console=screen, transient=True, redirect_stdout=redirect, speed_estimate_period=RECENT) as bar:
         task = bar.add_task("loading", total=1.0)
+        # the beginning, from which the speed counts
+        bar.update(task, completed=1e-9)
         yield _rising(lambda share, text: bar.update(task, completed=share, description=text), each=True)
 
 

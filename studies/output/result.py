@@ -50,24 +50,7 @@ class Table:
     among: Rows = ()
 
 
-@dataclass(frozen=True, slots=True)
-class Lines:
-    """Names and values of the terminal, one to a line."""
-
-    title: str
-    rows: Sequence[tuple[str, str]]
-
-
-@dataclass(frozen=True, slots=True)
-class Texts:
-    """A table of the terminal whose heads and cells are texts."""
-
-    title: str
-    heads: Sequence[str]
-    rows: Sequence[Sequence[str]]
-
-
-Block = Table | Lines | Texts | str
+Block = Table | str
 """A part of what the terminal shows; a text is a sentence."""
 
 
@@ -211,19 +194,12 @@ def show(result: Result, here: Destination) -> int:
 
 
 def _show_block(block: Block, *, wide: bool) -> None:
-    match block:
-        case str():
-            console.note(block)
-        case Lines(title, rows):
-            console.lines(title, rows)
-        case Texts(title, heads, cells):
-            console.table(title, heads, cells)
-        case Table():
-            console.report(
-                block.rows, as_json=False, title=block.title, brief=block.brief, first=block.first, wide=wide
-            )
-            for remark in console.remarks(block.rows, block.places, block.among) if block.places else ():
-                console.note(remark)
+    if isinstance(block, str):
+        console.note(block)
+        return
+    console.report(block.rows, as_json=False, title=block.title, brief=block.brief, first=block.first, wide=wide)
+    for remark in console.remarks(block.rows, block.places, block.among) if block.places else ():
+        console.note(remark)
 
 
 def of_record(title: str, record: Mapping[str, Any], unshown: Sequence[str] = ()) -> Result:

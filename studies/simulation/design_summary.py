@@ -14,7 +14,7 @@ from geometry.design import BadInput, Design, paper
 from geometry.messages import WARNING, Progress
 from studies.output import atomic_files, vtk_files
 from studies.output.records import FlatRow
-from studies.output.result import Result, Table, Texts
+from studies.output.result import Result, Table
 
 if TYPE_CHECKING:
     from geometry.base import Plan
@@ -48,12 +48,13 @@ def study(design: Design, base: Base = Base(), process: str = "fdm") -> Result:
         unit = "" if spec.metadata["unit"] == "1" else spec.metadata["unit"]
         value = shown(getattr(design, spec.name))
         source = "unused" if spec.name in unused else origin(spec.name, design)
-        rows.append([spec.name, value, unit, source, spec.metadata["text"]])
+        row = {"field": spec.name, "value": value, "unit": unit, "source": source, "meaning": spec.metadata["text"]}
+        rows.append(row)
     return Result(
         title="Design",
         records=[dataclasses.asdict(design) | {"derived": derived, "assumed": assumed, "warnings": warnings}],
         shown=[
-            Texts("Design", ["field", "value", "unit", "source", "meaning"], rows),
+            Table(title="Design", rows=rows, first=tuple(rows[0])),
             Table(title="Derived", rows=[derived]),
             *(f"{WARNING}{warning}" for warning in warnings),
         ],

@@ -23,7 +23,7 @@ from studies.output.atomic_files import write_text
 from studies.output.figures import Figure, Guide, Look, plot, save
 from studies.output.literals import one_line, toml
 from studies.output.records import FlatRow
-from studies.output.result import Block, Result, Table, Texts
+from studies.output.result import Block, Result, Table
 from studies.simulation import branch_regression, law_regression, material_tests
 from studies.simulation.branch_regression import BranchFit, thinned
 from studies.simulation.law_regression import MISFIT, Fit, nominal_stress
@@ -225,11 +225,14 @@ def _branch_tables(rows: Sequence[FlatRow], chosen: BranchFit, test: Test, *, wi
             ("long-term", chosen.long_term, chosen.long_term_half_width),
             ("instantaneous", chosen.instantaneous, chosen.instantaneous_half_width),
         )
-        cells = [[name, f"{value:.5g}", f"{width:.2g}"] for name, value, width in moduli]
-        tables.append(Texts("Young's modulus", ["modulus", "E (MPa)", "95 %: +- (MPa)"], cells))
+        moduli_rows = [
+            {"modulus": name, "E (MPa)": f"{value:.5g}", "95 %: +- (MPa)": f"{width:.2g}"}
+            for name, value, width in moduli
+        ]
+        tables.append(Table(title="Young's modulus", rows=moduli_rows))
     pairs = zip(chosen.relaxation.shares, chosen.relaxation.times, strict=True)
-    if cells := [[f"{g:.4g}", f"{tau:.4g}"] for g, tau in pairs]:
-        tables.append(Texts("Branches", ["share g", "tau (s)"], cells))
+    if branches := [{"share g": g, "tau_s": tau} for g, tau in pairs]:
+        tables.append(Table(title="Branches", rows=branches))
     return tables
 
 

@@ -28,7 +28,7 @@ from studies.mechanics.resonance_peaks import ACCURATE, BAND, Gain, bandwidth, f
 from studies.output import page_templates
 from studies.output.figures import save, table_of
 from studies.output.records import FlatRow
-from studies.output.result import Block, Lines, Result, Table, Writer, failure_of
+from studies.output.result import Block, Result, Table, Writer, failure_of
 from studies.simulation import response_curves, time_figures
 from studies.simulation.load_cases import friction_of, plate_tilt_of
 from studies.simulation.response_curves import At, Complex, Curves
@@ -120,7 +120,7 @@ def run(
     moved = "grip" if load.grip is not None else "plate" if load.depth else "base"
     ways = {"z": "z", "x": "x, the direction of the shear" if load.shear_y else "x"}
     shown: list[Block] = [
-        Lines(f"The {moved} moves along {ways[motion['motion']]}", lines(motion)) for motion in motions
+        Table(title=f"The {moved} moves along {ways[motion['motion']]}", rows=[lines(motion)]) for motion in motions
     ]
     if "ladder" in tables:
         title = f"Shift per N: relative to that at {band[0]:g} Hz, and accurate within 5 % of it"
@@ -319,8 +319,8 @@ def _message(curves: Curves, numbers: FlatRow, *, damped: bool, stiffness: float
     return text
 
 
-def lines(motion: FlatRow) -> list[tuple[str, str]]:
-    """Return names and values of a motion; those of a force or of a contact only where there is one."""
+def lines(motion: FlatRow) -> dict[str, str]:
+    """Return the values by their names of a motion; those of a force or of a contact only where there is one."""
     per_mm, per_N = (
         next(key for key in motion if key.startswith("reading_") and key.endswith(f"_per_{what}"))
         for what in ("mm", "N")
@@ -328,7 +328,7 @@ def lines(motion: FlatRow) -> list[tuple[str, str]]:
     free = motion["stiffness_N_per_mm"] is None
     named = {"unit": per_mm.split("_")[1], "per_mm": motion[per_mm], "per_N": motion[per_N]}
     items = sentences("lines", m=motion, free=free, band=BAND, accurate=ACCURATE, **named)
-    return [(name, value) for name, _, value in (item.partition(": ") for item in items)]
+    return {name: value for name, _, value in (item.partition(": ") for item in items)}
 
 
 def mesh_warnings(motion: FlatRow) -> list[str]:

@@ -41,7 +41,7 @@ from studies.mechanics.study_cases import (
 )
 from studies.output import atomic_files, console, table_files
 from studies.output.records import FlatRow
-from studies.output.result import Result, Table, Texts
+from studies.output.result import Result, Table
 from studies.sweeps.study_rows import Rows, Solved, flat_rows
 from studies.sweeps.sweep_columns import status_columns
 
@@ -330,7 +330,8 @@ class Shown:
             said = console.messages(answered, self.case, self.rows)
             blocks = [table(self.rows, "Sweep", self.case)]
             if len(said) > MOST_LISTED:
-                blocks.append(Texts("Messages", ["cases", "message"], said))
+                remarks = [{"cases": cases, "remark": message} for cases, message in said]
+                blocks.append(Table(title="Messages", rows=remarks, first=("cases", "remark")))
             else:
                 blocks += [f"{place}: {message}" for place, message in said]
         return Result(title="Sweep", records=[], shown=blocks)
