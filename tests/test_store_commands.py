@@ -3,7 +3,6 @@
 import contextlib
 import csv
 import json
-import re
 import sqlite3
 from dataclasses import asdict, replace
 
@@ -17,7 +16,7 @@ from geometry.loads import Load
 from studies.inputs.option_groups import Selection
 from studies.mechanics import path_solver, store, store_actions, store_check
 from studies.mechanics.store import State
-from studies.mechanics.store_actions import FIELDS
+from studies.mechanics.store_actions import HEAD
 from studies.mechanics.timed_quantities import STILL, PlateMotion
 from studies.output import atomic_files
 
@@ -158,11 +157,10 @@ def test_a_state_that_was_changed_in_the_file_is_listed_without_its_answer_and_n
     assert len(exported(file, tmp_path / "states.csv", "status=ok", "nu=0.4998")) == 1
 
 
-def test_lists_group_states_by_an_index_that_covers_what_they_show(file):
+def test_lists_find_states_by_an_index_that_covers_what_they_need(file):
     """100 000 states are listed in under a second only if answers of most of them are not read."""
     with contextlib.closing(sqlite3.connect(file)) as connection:
-        states = store_actions.chosen(connection, store_actions.condition(Selection()))
-        plan = connection.execute(f"EXPLAIN QUERY PLAN SELECT path, SUM(seconds) FROM {states} GROUP BY path")
+        plan = connection.execute(f"EXPLAIN QUERY PLAN {store_actions.STATES}")
         assert "SCAN main.state USING COVERING INDEX state_listing" in [step[-1] for step in plan]
 
 
@@ -172,24 +170,26 @@ def test_values_of_the_accuracy_levels_have_their_names():
         assert store_actions.accuracy_name(json.dumps(values)) == name
 
 
-def places(content, at=""):
-    """The places of all values of a content, as SQLite names them; an accuracy is one."""
-    for name, value in content.items():
-        if isinstance(value, dict) and name != "accuracy":
-            yield from places(value, f"{at}{name}.")
-        elif isinstance(value, list):
-            yield from (f"{at}{name}[{k}]" for k in range(len(value)))
-        elif value is not None:
-            yield f"{at}{name}"
-
-
 @pytest.mark.parametrize("kind", ["states", "modes", "critical depth", "response", "cycle"])
-def test_every_value_of_a_content_is_a_field(kind):
+def test_every_value_of_a_content_has_a_column_of_its_own(kind):
     load = Load(depth=0.5, shear_x=0.1, friction="stick") if kind == "states" else Load(depth=0.5)
     content = path_solver.place(Scene(paper(), (load,), QUICK), kind, PlateMotion(frequency=1.0)).content
-    of_fields = {place for field in FIELDS.values() for place in re.findall(r"\$\.([^']+)", field.sql)}
-    # D is 1 over D, and the number of modes is the same in all contents
-    assert set(places(content)) - {"shape.D", "load.count"} <= of_fields
+    names = [store_actions.named(place) for place, _ in store_actions.places(content | {"accuracy": "quick"})]
+    assert len(names) == len(set(names))
+    assert set(names) <= set(HEAD)
+
+
+def test_a_value_that_nobody_has_named_is_a_column_and_a_filter(file, tmp_path):
+    pressure = {"values": {"contact_pressure_over_E": 0.7, "side": "left", "curve": [0.1] * 99}}
+    with store.opened(file) as kept:
+        kept.add(CONTENT | {"load": CONTENT["load"] | {"heat": 0.2}}, [replace(PRESSED, answer=ANSWER | pressure)])
+    for where in ("contact_pressure_over_E=0.6:0.8", "side=left,right", "load_heat=0.2"):
+        assert listing(file, where)[0]["states"] == 1
+    for suffix in ("csv", "parquet", "jsonl"):
+        rows = exported(file, tmp_path / f"states.{suffix}")
+        assert [list(row)[len(HEAD) :] for row in rows] == [["load_heat", "contact_pressure_over_E", "side"]] * 5
+        assert [row["side"] for row in rows] == [None, None, None, None, "left"]
+        assert float(rows[-1]["contact_pressure_over_E"]) == 0.7
 
 
 # Tables of all columns
@@ -210,7 +210,7 @@ def exported(file, out, *where):
 @pytest.mark.parametrize("suffix", ["csv", "parquet", "jsonl"])
 def test_an_export_has_all_columns_over_D_and_E(file, tmp_path, suffix):
     rows = exported(file, tmp_path / "out" / f"states.{suffix}")
-    assert [list(row) for row in rows] == [list(FIELDS)] * 4
+    assert [list(row) for row in rows] == [list(HEAD)] * 4
     pressed, failed, _, rubbed = rows
     values = {name: float(pressed[name]) for name in ("force_x_over_E_D2", "force_z_over_E_D2", "shift_z_over_D")}
     assert values == pytest.approx({"force_x_over_E_D2": 1 / 16, "force_z_over_E_D2": 0.5, "shift_z_over_D": -0.25})
@@ -258,7 +258,7 @@ def test_damaged_states_are_removed(file):
 
 # Checks: each finds its own damage, and only that; a state solved again comes out as it is stored.
 
-NAMES = list(store_check.queries())
+NAMES = list(store_check.CHECKS)
 
 
 def failures(file):
@@ -379,7 +379,6 @@ def resolved(tmp_path, solved):
             for content, states in others:
                 kept.add(content, states)
         with store.readable(file) as connection:
-            store_actions.register(connection)
             rows = store_check.chosen(connection, count, seed)
             return rows, list(store_check.differences(connection, rows, None)) if count > 2 else []
 

@@ -39,7 +39,7 @@ def list_(call: Call, selection: Selection = Selection(), *, paths: bool = False
     if limit < 0:
         raise BadInput(f"--limit must be at least 0 (all rows); got {limit}")
     summary, rows = store_actions.listing(selection, limit, of_paths=paths)
-    damaged = sum(row.get("status") == store_actions.CHANGED for row in rows)
+    damaged = sum(row.get("status") == store_actions.DAMAGED for row in rows)
     remarks = []
     if not rows and summary["states_in_store"]:
         remarks.append("no state of the store meets the filters")

@@ -259,6 +259,7 @@ def writable(file: Path) -> Iterator[sqlite3.Connection]:
     with contextlib.closing(connection):
         with refusals(file):
             _prepare(file, connection)
+        connection.text_factory = _legible
         yield connection
 
 
@@ -269,9 +270,13 @@ def readable(file: Path) -> Iterator[sqlite3.Connection]:
         raise BadInput(f"there is no store {str(file)!r}: magtip sweep makes one, or {OTHER}")
     with refusals(file), contextlib.closing(_connect_to_read(file)) as connection:
         _check_format(file, connection)
-        # a text of another program, or of a damaged page, is shown as it can be; its digest says that it is damaged
-        connection.text_factory = lambda text: text.decode("utf-8", "replace")
+        connection.text_factory = _legible
         yield connection
+
+
+def _legible(text: bytes) -> str:
+    """Return a text as it can be shown; the digest says that one of another program or a damaged page is damaged."""
+    return text.decode("utf-8", "replace")
 
 
 def _connect_to_read(file: Path) -> sqlite3.Connection:

@@ -1,25 +1,22 @@
-"""What is done with a store's states: fields and filters, lists, their export as a table, their removal.
+"""What is done with a store's states: their table, filters and lists, its export, their removal.
 
-Lengths are over D, forces over E D^2. A path's content and a state's answer are JSON, of which SQLite extracts the
-fields; a field that a state does not have is NULL.
+A state is a row, and every value that is stored a column: of the content of its path, of its own row, and of its
+answer. Lengths are over D, forces over E D^2. Answers, which are most of a file, are read only of the states that are
+shown or written, or if a filter needs them.
 """
 
 from __future__ import annotations
 
 import contextlib
-import csv
 import datetime
 import functools
-import itertools
 import json
 import math
 import sqlite3
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import asdict
 from pathlib import Path
-from typing import Any, Literal, cast
-
-import numpy as np
+from typing import TYPE_CHECKING, Any
 
 from fem import physics_version
 from fem.accuracy import LEVELS
@@ -28,71 +25,217 @@ from geometry.design import BadInput
 from geometry.messages import Progress
 from studies.inputs.option_groups import Selection
 from studies.mechanics import store
+from studies.mechanics.store import State
+from studies.mechanics.timed_quantities import TIMED
 from studies.output import atomic_files, provenance, table_files
 from studies.output.records import FlatRow
 
-Kind = Literal["text", "number", "whole number", "text or number"]
+if TYPE_CHECKING:
+    import pandas as pd
+
 TOLERANCE = 1e-9
 """Difference up to which a number equals the value of a filter: stored numbers have 12 digits."""
-Condition = tuple[str, tuple[str | float, ...]]
-"""Condition on `state` in SQL, "1" if there is none, and the values of its parameters."""
+AXES = "xyz"
+NAMES = {
+    **{name: name for name in ("quantity", "model", "physics", "estimates", "accuracy", "magnet")},
+    "law[0]": "law",
+    **{f"law[{k}]": f"law_number_{k}" for k in (1, 2, 3)},
+    "nu": "nu",
+    **{f"shape.{name}": f"{name}_over_D" for name in ("L", "magnet_diameter", "magnet_height", "magnet_edge_radius")},
+    "load.friction": "friction",
+    "load.grip": "grip_over_D",
+    "load.plate_tilt": "plate_tilt_rad",
+    "load.imperfection": "imperfection_over_E_D2",
+    "load.sheared_at_depth": "sheared_at_depth_over_D",
+    **{f"load.direction[{k}]": f"direction_{AXES[k]}" for k in (0, 1)},
+    "load.depth": "modes_at_depth_over_D",
+    "load.density_ratio": "density_ratio",
+    "load.shear_x": "at_shear_over_D",
+    "load.lowest": "response_from_2pi_f_D_sqrt_rho_over_E",
+    "load.highest": "response_to_2pi_f_D_sqrt_rho_over_E",
+    **{f"load.{name}": name for name in ("branches", "modulus", "waveform", "cycles")},
+    "depth": "depth_over_D",
+    "shear": "shear_over_D",
+    "outcome": "outcome",
+    "status": "status",
+    **{f"response.force[{k}]": f"force_{AXES[k]}_over_E_D2" for k in range(3)},
+    **{f"response.shift[{k}]": f"shift_{AXES[k]}_over_D" for k in range(3)},
+    "response.tilt": "tilt_rad",
+    "response.tilt_y": "tilt_y_rad",
+    "response.contact_radius": "contact_radius_over_D",
+    "values.critical_depth_over_D": "critical_depth_over_D",
+    "values.critical_force_over_ED2": "critical_force_over_E_D2",
+    "values.stable_to_over_D": "stable_to_over_D",
+    **{f"values.frequency[{k}]": f"frequency_{k + 1}_D_sqrt_rho_over_E" for k in range(6)},
+    "values.bandwidth": "bandwidth_2pi_f_D_sqrt_rho_over_E",
+    "values.resonance": "resonance_2pi_f_D_sqrt_rho_over_E",
+    "values.Q": "resonance_Q",
+    "values.gap_percent": "loop_gap_percent",
+    "values.area_over_ED3": "loop_area_over_E_D3",
+    "values.largest_over_ED2": "loop_largest_force_over_E_D2",
+    "error_estimate": "error_estimate",
+    "seconds": "seconds",
+    "D_mm": "solved_D_mm",
+    "E_MPa": "solved_E_MPa",
+    **{name: name for name in ("message", "versions", "added")},
+}
+"""Columns that every export has, in their order, by the places of their values as SQLite writes them. Whatever
+else is stored has a column too, see `named`."""
+HEAD = tuple(NAMES.values())
+TEXTS = {
+    *("quantity", "model", "accuracy", "magnet", "law", "branches", "modulus", "waveform"),
+    *("outcome", "status", "message", "versions", "added"),
+}
+"""Columns of `NAMES` that hold texts; friction holds texts and numbers."""
+UNNAMED = ("shape.D", "load.count")
+"""Values that are no columns: D over D, and the number of modes."""
+LONGEST = 6
+"""Largest number of values in a list that are columns; a longer list is a curve."""
+DAMAGED = "damaged"
+"""Status of a state that is not as it was written, and model of a path whose content is no JSON."""
+KEY = ["path", "depth_over_D", "shear_over_D"]
+"""Columns that tell states apart."""
+# the index has all these columns; SQLite would read the answers too
+STATES = (
+    "SELECT path, depth AS depth_over_D, shear AS shear_over_D, CAST(outcome AS TEXT) AS outcome,"
+    " CAST(status AS TEXT) AS status, CAST(seconds AS REAL) AS seconds, CAST(added AS TEXT) AS added"
+    " FROM main.state INDEXED BY state_listing ORDER BY added DESC, path DESC, depth, shear"
+)
+"""The rows of all states without answers and versions, the newest first."""
+ONE = (
+    f"SELECT CAST(key AS BLOB), CAST(content AS BLOB), {store.READ} FROM state JOIN path ON path.id = state.path"
+    " WHERE path = ? AND depth = ? AND shear = ?"
+)
+BATCH = 10_000
+"""States that are read and written at once."""
 
 
-@dataclass(frozen=True, slots=True)
-class Field:
-    """A field of a stored state: an expression of SQLite on `path` or `state`, and the kind of its values."""
-
-    of_path: bool
-    sql: str
-    kind: Kind = "number"
-
-
-def _field(row: Mapping[str, str]) -> Field:
-    of_path = row["of"] == "content"
-    source = "path.content" if of_path else "state.answer"
-    sql = (
-        f"state.{row['place']}"
-        if row["of"] == "state"
-        else f"json_extract({source}, '$.{row['place']}'){OVER[row['over']]}"
-    )
-    return Field(of_path, f"accuracy_name({sql})" if row["field"] == "accuracy" else sql, cast("Kind", row["kind"]))
-
-
-D, E = (f" / json_extract(state.answer, '$.{name}')" for name in ("D_mm", "E_MPa"))
-OVER = {"": "", "D": D, "E D2": D + D + E, "1e6": " * 1e-6"}
-"""What values are divided by; stored frequencies are f D (rho / E)^(1/2) in mm, MPa and kg/m^3."""
-with Path(__file__).with_name("store_fields.csv").open(encoding="utf-8", newline="") as _file:
-    FIELDS = {row["field"]: _field(row) for row in csv.DictReader(_file)}
-"""All fields, in the order of the columns of an export: their places in contents, answers or rows of states."""
-
-
-def register(connection: sqlite3.Connection) -> None:
-    """Make the functions that the fields' SQL calls known to a connection."""
-    connection.create_function("accuracy_name", 1, accuracy_name, deterministic=True)
-    connection.create_function("damaged_path", 2, damaged_path, deterministic=True)
-    connection.create_function("damaged_state", 10, damaged_state, deterministic=True)
-    connection.create_function("name_of", 2, named, deterministic=True)
+# Columns
 
 
 @functools.cache
-def accuracy_name(values: str | None) -> str | None:
+def named(place: str) -> str:
+    """Return the column of a place in a content, a state or an answer.
+
+    >>> named("response.force[2]"), named("values.largest_strain"), named("estimates.shift"), named("values.shape[0]")
+    ('force_z_over_E_D2', 'largest_strain', 'estimates_shift', 'shape_1')
+    """
+    head, _, index = place.removesuffix("]").partition("[")
+    name = head.removeprefix("values.").replace(".", "_")
+    return NAMES.get(place, f"{name}_{int(index) + 1}" if index else name)
+
+
+def places(values: Any, at: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield the places and the values of a content or an answer that are columns.
+
+    >>> dict(places({"shape": {"D": 1.0, "L": 1.5}, "law": ["yeoh", 0.1], "grip": None}))
+    {'shape.L': 1.5, 'law[0]': 'yeoh', 'law[1]': 0.1}
+    """
+    if isinstance(values, dict):
+        for name, value in values.items():
+            yield from places(value, f"{at}.{name}" if at else name)
+    elif isinstance(values, list) and len(values) <= LONGEST:
+        for k, value in enumerate(values):
+            yield from places(value, f"{at}[{k}]")
+    elif isinstance(values, str | int | float) and at not in UNNAMED:
+        yield at, values
+
+
+def content_columns(content: bytes) -> FlatRow:
+    """Return the columns of a path's content; one that is no JSON is of the model "damaged"."""
+    try:
+        # int refuses the NaN and the Infinity of Python, which are no JSON
+        values = dict(json.loads(content, parse_constant=int))
+        if "accuracy" in values:
+            values["accuracy"] = accuracy_name(json.dumps(values["accuracy"]))
+        return {named(place): value for place, value in places(values)}
+    except (ValueError, TypeError, RecursionError):
+        return {"model": DAMAGED}
+
+
+@functools.cache
+def accuracy_name(values: str) -> str:
     """Return the name of the accuracy level with these values (JSON), or other."""
-    if values is None:
-        return None
     wanted = {"coarseness": 1.0, "tolerance_factor": 1.0} | json.loads(values)
     return next((name for name, level in LEVELS.items() if asdict(level) == wanted | {"name": name}), "other")
 
 
-DAMAGED_PATH = "damaged_path(CAST(path.key AS BLOB), CAST(path.content AS BLOB))"
-"""Condition on `path`."""
-DAMAGED = f"(damaged_state(CAST(path.key AS BLOB), {store.READ}) OR {DAMAGED_PATH})"
-"""Condition on `state` joined with its `path`."""
-OF_PATHS = "state.path IN (SELECT id FROM path WHERE {})"
-"""Condition on `state`, of one on `path`."""
-PATHS = '(SELECT id, iif(json_valid(content), content, \'{"model": "damaged"}\') AS content FROM path) AS path'
-"""All paths; a content that is no JSON stands for none."""
+def answer_columns(state: State | None) -> FlatRow:
+    """Return the columns of a state's answer, and its status and versions; a damaged state has no answer."""
+    if state is None:
+        return {"status": DAMAGED}
+    answer = {name: value for name, value in state.answer.items() if name != "solved"}
+    D, E = answer.get("D_mm"), answer.get("E_MPa")
+    columns = {named(place): _scaled(place, value, D, E) for place, value in places(answer)}
+    return columns | {"status": state.status, "versions": state.versions}
 
 
+def _scaled(place: str, value: Any, D: Any, E: Any) -> Any:
+    """Return a value of an answer over the D or the E D^2 that were solved."""
+    if place.startswith("response.") and named(place).endswith("_over_E_D2"):
+        return value / D / D / E
+    if place.startswith("response.") and named(place).endswith("_over_D"):
+        return value / D
+    # f D (rho / E)^(1/2) is stored in mm, MPa and kg/m^3
+    return value * 1e-6 if place.startswith("values.frequency") else value
+
+
+# Reading
+
+
+@contextlib.contextmanager
+def reading(file: Path) -> Iterator[sqlite3.Connection]:
+    """Connect to a store, to read it as it is now."""
+    with store.readable(file) as connection:
+        connection.execute("BEGIN")
+        yield connection
+
+
+def paths(connection: sqlite3.Connection) -> pd.DataFrame:
+    """Return the columns of the contents of all paths, by their numbers."""
+    import pandas as pd
+
+    found = connection.execute("SELECT id, CAST(content AS BLOB) FROM path")
+    contents = {number: content_columns(content) for number, content in found}
+    frame = pd.DataFrame(list(contents.values()), list(contents), dtype=object)
+    return frame.reindex(columns=list(dict.fromkeys((*PATH_COLUMNS, *POSITIONS.values(), "estimates", *frame))))
+
+
+def states(connection: sqlite3.Connection) -> pd.DataFrame:
+    """Return the columns of all states, the newest first, but those of their answers."""
+    import pandas as pd
+
+    try:
+        return pd.read_sql(STATES, connection).join(paths(connection), on="path", how="inner")
+    except pd.errors.DatabaseError as error:
+        raise error.__cause__ or error from None
+
+
+def read(connection: sqlite3.Connection, chosen: pd.DataFrame) -> Iterator[State | None]:
+    """Yield states as they were written; None for one that is damaged, or whose path is."""
+    for at in chosen[KEY].itertuples(index=False, name=None):
+        key, content, *row = connection.execute(ONE, at).fetchone()
+        yield None if damaged_path(key, content) else store.stored(key.decode("utf-8", "replace"), row)
+
+
+def answered(
+    connection: sqlite3.Connection, found: pd.DataFrame, names: Iterable[str] = (), progress: Progress | None = None
+) -> pd.DataFrame:
+    """Return states with the columns of their answers too, or only those of these names that are stored."""
+    import pandas as pd
+
+    batches = []
+    for begin in range(0, max(len(found), 1), BATCH):
+        batch = found.iloc[begin : begin + BATCH]
+        answers = pd.DataFrame(list(map(answer_columns, read(connection, batch))), batch.index, dtype=object)
+        rows = batch.assign(**answers)
+        batches.append(rows[[name for name in names if name in rows] or list(rows)])
+        if progress is not None:
+            progress((begin + len(batch)) / len(found), f"{len(found)} states")
+    return pd.concat(batches)
+
+
+@functools.lru_cache(maxsize=1000)
 def damaged_path(key: bytes, content: bytes) -> bool:
     """Return whether a path's content is no JSON or does not belong to its key."""
     try:
@@ -101,49 +244,88 @@ def damaged_path(key: bytes, content: bytes) -> bool:
         return True
 
 
-def damaged_state(key: bytes, *row: Any) -> bool:
-    """Return whether a state's row is not what was written for the path with this key."""
-    return store.stored(key.decode("utf-8", "replace"), row) is None
+def ages(rows: pd.DataFrame) -> pd.DataFrame:
+    """Return versions of the physics and of the estimates less those of the program, of paths or states.
+
+    An unknown version is NaN, and the program's version of an unknown model 0. Vibrations and cycles have no
+    estimates, and older paths lack their version.
+    """
+    # a quantity with a version of its own comes before the model that computes it
+    today = rows.quantity.map(physics_version.PHYSICS).fillna(rows.model.map(physics_version.PHYSICS)).fillna(0)
+    without = rows.quantity.isin(TIMED).map({True: physics_version.ESTIMATES, False: 1})
+    estimates = numbers(rows.estimates.fillna(without))
+    return rows[["physics", "estimates"]].assign(
+        physics=numbers(rows.physics) - today, estimates=estimates - physics_version.ESTIMATES
+    )
 
 
-def condition(selection: Selection) -> Condition:
-    """Return the condition that the options mean."""
-    parts: list[Condition] = [_parsed(text) for text in selection.where or []]
-    dates = (("--since", selection.since, ">="), ("--before", selection.before, "<"))
-    parts += [(f"state.added {sign} ?", (_utc(option, date),)) for option, date, sign in dates if date is not None]
+def numbers(column: pd.Series) -> pd.Series:
+    """Return a column with NaN where it holds no number."""
+    import pandas as pd
+
+    return pd.to_numeric(column, errors="coerce")
+
+
+# Filters
+
+
+def chosen(connection: sqlite3.Connection, selection: Selection) -> pd.DataFrame:
+    """Return the states that meet the filters, the newest first, without their answers."""
+    found = states(connection)
+    if selection.since is not None:
+        found = found[found.added >= _utc("--since", selection.since)]
+    if selection.before is not None:
+        found = found[found.added < _utc("--before", selection.before)]
     if outcomes := [name for name in ("failed", "transient") if getattr(selection, name)]:
-        parts.append((f"state.outcome IN ({', '.join('?' * len(outcomes))})", tuple(outcomes)))
-    if selection.damaged:
-        parts.append((f"EXISTS (SELECT 1 FROM path WHERE path.id = state.path AND {DAMAGED})", ()))
+        found = found[found.outcome.isin(outcomes)]
     if selection.older_physics:
-        parts.append((OF_PATHS.format(current_physics("<")), ()))
-    return " AND ".join(sql for sql, _ in parts) or "1", tuple(value for _, values in parts for value in values)
+        found = found[(ages(found) < 0).any(axis=1)]
+    filters = [_parsed(text) for text in selection.where or []]
+    columns = _columns([name for name, _ in filters], connection, found)
+    for name, value in filters:
+        found = found[_meeting(name, value, columns.loc[found.index, name])]
+    return found[[state is None for state in read(connection, found)]] if selection.damaged else found
 
 
-def _parsed(text: str) -> Condition:
+def _parsed(text: str) -> tuple[str, str]:
     name, sign, value = (part.strip() for part in text.partition("="))
     if not (name and sign and value):
         raise BadInput(f"--where must be NAME=VALUE, NAME=a,b or NAME=low:high, such as nu=0.45:0.5; got {text!r}")
-    if name not in FIELDS:
-        raise BadInput(f"--where: there is no field {name!r}: {nearest(name, FIELDS)}")
-    field = FIELDS[name]
+    return name, value
+
+
+def _columns(names: Sequence[str], connection: sqlite3.Connection, found: pd.DataFrame) -> pd.DataFrame:
+    """Return columns of states; answers are read only if they are needed."""
+    needed = dict.fromkeys((*names, "model", "status"))
+    if not set(names) <= set(found):
+        found = answered(connection, found, needed)
+    if unknown := [name for name in names if name not in found and name not in HEAD]:
+        raise BadInput(f"--where: there is no field {unknown[0]!r}: {nearest(unknown[0], HEAD)}")
+    damaged = ((found.status == DAMAGED) | (found.model == DAMAGED)).sum()
+    if names and damaged:
+        raise BadInput(
+            f"{damaged} of {len(found)} states are not as they were written, so whether they meet --where is not "
+            "known: magtip store check says what to do"
+        )
+    return found.reindex(columns=list(needed))
+
+
+def _meeting(name: str, value: str, column: pd.Series) -> pd.Series:
+    """Return which states have one of the values of a filter, or one in its range."""
+    found = numbers(column)
     low, colon, high = value.partition(":")
-    # SQLite takes a text for larger than every number
-    between = f"{field.sql} BETWEEN ? AND ?"
-    values: list[str | float]
-    if colon and field.kind != "text":
+    if colon and not _of_texts(column):
         least = _number(name, low) if low.strip() else -math.inf
         most = _number(name, high) if high.strip() else math.inf
         if least > most:
             raise BadInput(f"--where: the range of {name} is empty, {value}: give the lower bound first")
-        sql, values = between, [least - TOLERANCE, most + TOLERANCE]
-    else:
-        words = [word.strip() for word in value.split(",")]
-        texts = [w for w in words if field.kind == "text" or (field.kind == "text or number" and w.isalpha())]
-        numbers = [_number(name, word) for word in words if word not in texts]
-        sql = " OR ".join([f"CAST({field.sql} AS TEXT) = ?"] * len(texts) + [between] * len(numbers))
-        values = [*texts, *(x for n in numbers for x in (n - TOLERANCE, n + TOLERANCE))]
-    return OF_PATHS.format(sql) if field.of_path else f"({sql})", tuple(values)
+        return found.between(least - TOLERANCE, most + TOLERANCE)
+    words = [word.strip() for word in value.split(",")]
+    texts = [word for word in words if _of_texts(column) or (name == "friction" and word.isalpha())]
+    met = column.isin(texts)
+    for number in (_number(name, word) for word in words if word not in texts):
+        met |= found.between(number - TOLERANCE, number + TOLERANCE)
+    return met
 
 
 def _number(name: str, text: str) -> float:
@@ -172,125 +354,62 @@ def _utc(option: str, text: str) -> str:
     return zoned.astimezone(datetime.UTC).isoformat(timespec="seconds")
 
 
-def current_physics(sign: Literal["<", "=", ">"]) -> str:
-    """Return a condition on `path`: its physics version against the program's, which is 0 for an unknown model.
+# Lists
 
-    The version of the estimates counts too, which vibrations and cycles do not have, and older paths lack.
-    """
-    # a quantity with a version of its own comes before the model that computes it
-    names = [(FIELDS[column].sql, name) for column in ("quantity", "model") for name in physics_version.PHYSICS]
-    cases = [f"WHEN {sql} = '{name}' THEN {physics_version.PHYSICS[name]}" for sql, name in names]
-    physics = f"{FIELDS['physics'].sql} {sign} CASE {' '.join(cases)} ELSE 0 END"
-    today = physics_version.ESTIMATES
-    without = f"iif({FIELDS['quantity'].sql} IN ('response', 'cycle'), {today}, 1)"
-    estimates = f"ifnull(json_extract(path.content, '$.estimates'), {without}) {sign} {today}"
-    return f"({physics} {'AND' if sign == '=' else 'OR'} {estimates})"
-
-
-# What lists show
-
-CHANGED = "damaged"
-"""Shown as the status of a state that is not as it was written."""
 COLUMNS = (
     *("quantity", "model", "accuracy", "magnet", "law", "nu", "L_over_D", "friction", "depth_over_D", "shear_over_D"),
     *("status", "force_z_over_E_D2", "force_x_over_E_D2", "critical_depth_over_D", "frequency_1_D_sqrt_rho_over_E"),
     *("error_estimate", "seconds", "added", "message"),
 )
 """Columns of a list of states."""
-
-
-def of_path(column: str, place: str) -> str:
-    """Return SQL for a position: vibrations, cycles and modes have one of their path, and one of 0 of their state."""
-    return f"CASE WHEN {column} = 0 THEN ifnull(json_extract(path.content, '$.load.{place}'), 0.0) ELSE {column} END"
-
-
-PLACES = {
-    "depth_over_D": of_path("state.depth", "depth"),
-    "shear_over_D": of_path("state.shear", "shear_x"),
-}
-"""SQL of the columns that are positions."""
 PATH_COLUMNS = (
     *("quantity", "model", "physics", "accuracy", "magnet", "law", "nu", "L_over_D"),
     *("magnet_diameter_over_D", "magnet_height_over_D", "friction"),
 )
 """Columns of a list of paths that come from their contents; others come from their states."""
-SUFFIXES = (".csv", ".parquet", ".jsonl")
-OUTCOMES = ("ok", "failed", "transient")
-BATCH = 10_000
-"""Rows that are read and written at once; they take some 20 MB."""
-DIGITS = 12
-"""Significant digits in a CSV file."""
-StateRows = list[tuple[Any, ...]]
-
-
-# Lists
+POSITIONS = {"depth_over_D": "modes_at_depth_over_D", "shear_over_D": "at_shear_over_D"}
+"""Columns of the position of a state, and of that about which a path vibrates."""
 
 
 def listing(selection: Selection, limit: int, *, of_paths: bool = False) -> tuple[FlatRow, list[FlatRow]]:
     """Return the summary of a store and its newest states, or its newest paths, that meet the filters.
 
-    `limit`: largest number of rows; 0 for all. SQLite counts to 2**63 - 1.
+    `limit`: largest number of rows; 0 for all.
     """
-    where = condition(selection)
     file = selection.store or store.default()
-    with store.readable(file) as connection:
-        register(connection)
-        states = chosen(connection, where)
-        rows = (_paths if of_paths else _states)(connection, states, min(limit, 2**63 - 1) or -1)
-        return summary(file, connection, states), rows
+    with reading(file) as connection:
+        found = chosen(connection, selection)
+        rows = (_paths if of_paths else _states)(connection, found, limit or len(found))
+        return summary(file, connection, found), rows.astype(object).where(rows.notna(), None).to_dict("records")
 
 
-def chosen(connection: sqlite3.Connection, condition: Condition) -> str:
-    """Return the name of a table with the states that meet the condition: their columns but the answers."""
-    sql, values = condition
-    if sql == "1":
-        # the index has all the columns that are needed; SQLite would read the answers too
-        return "main.state INDEXED BY state_listing"
-    connection.execute("PRAGMA temp_store = MEMORY")
-    connection.execute(
-        f"CREATE TEMPORARY TABLE chosen AS SELECT path, depth, shear, outcome, seconds, added FROM state WHERE {sql}",
-        values,
-    )
-    return "chosen"
-
-
-def summary(file: Path, connection: sqlite3.Connection, states: str) -> FlatRow:
-    """Return how many states of an open store meet the filters; `states` is the table of `chosen`.
+def summary(file: Path, connection: sqlite3.Connection, found: pd.DataFrame) -> FlatRow:
+    """Return how many states of an open store are chosen.
 
     "size_MB" of the file and its write-ahead log. "solving_s": time that these solves took, s. "states_by_model":
     number of states for each model, or quantity of another kind, and physics version.
     """
-    kinds = ", ".join(FIELDS[name].sql for name in ("quantity", "model", "physics"))
-    counted = ("COUNT(*) AS n", "SUM(seconds) AS t", *(f"SUM(outcome = '{name}') AS {name}" for name in OUTCOMES))
-    groups = connection.execute(
-        f"WITH sums AS (SELECT path, {', '.join(counted)} FROM {states} GROUP BY path)"
-        f" SELECT {kinds}, COUNT(*), SUM(n), SUM(t), {', '.join(f'SUM({name})' for name in OUTCOMES)}"
-        f" FROM sums JOIN {PATHS} ON path.id = sums.path GROUP BY 1, 2, 3"
-    ).fetchall()
-    totals = [sum(column) for column in list(zip(*groups, strict=True))[3:]] or [0] * 6
     (in_store,) = connection.execute("SELECT COUNT(*) FROM state").fetchone()
+    outcomes = found.outcome.value_counts()
     return {
         "file": str(file),
         "size_MB": size_MB(file),
-        "paths": totals[0],
-        "states": totals[1],
+        "paths": found.path.nunique(),
+        "states": len(found),
         "states_in_store": in_store,
-        **dict(zip(OUTCOMES, totals[3:], strict=True)),
-        "solving_s": totals[2],
-        "states_by_model": tuple(
-            f"{named(quantity, model)} (physics {physics}): {count}"
-            for quantity, model, physics, _, count, *_ in groups
-        ),
+        **{name: int(outcomes.get(name, 0)) for name in ("ok", "failed", "transient")},
+        "solving_s": math.fsum(found.seconds),
+        "states_by_model": tuple(f"{name} (physics {physics}): {count}" for name, physics, count in counted(found)),
     }
 
 
-def named(quantity: str | None, model: str) -> str:
-    """Return the name of what is solved: the model of states along a path, or another quantity.
-
-    >>> named("states", "harmonic"), named("critical depth", "axisymmetric")
-    ('harmonic', 'critical depth')
-    """
-    return model if quantity in ("states", None) else str(quantity)
+def counted(rows: pd.DataFrame) -> list[tuple[str, str, int]]:
+    """Return what paths or states are of, a model or else a quantity, with its physics version and their number."""
+    kinds = rows[["quantity", "model", "physics"]].fillna("None").astype(str).value_counts().sort_index()
+    return [
+        (model if quantity in ("states", "None") else quantity, physics, count)
+        for (quantity, model, physics), count in kinds.items()
+    ]
 
 
 def size_MB(file: Path) -> float:
@@ -299,99 +418,86 @@ def size_MB(file: Path) -> float:
     return sum(part.stat().st_size for part in parts if part.exists()) / 1e6
 
 
-def _rows(connection: sqlite3.Connection, query: str, limit: int) -> list[FlatRow]:
-    found = connection.execute(query, (limit,))
-    names = [name for name, *_ in found.description]
-    return [dict(zip(names, row, strict=True)) for row in found]
+def _states(connection: sqlite3.Connection, found: pd.DataFrame, limit: int) -> pd.DataFrame:
+    newest = found.head(limit)
+    rows = answered(connection, newest, COLUMNS).reindex(columns=COLUMNS)
+    return rows.assign(**{name: _position(newest, name, newest[name]) for name in POSITIONS})
 
 
-def _named(columns: Sequence[str]) -> str:
-    return ", ".join(f"{PLACES.get(name, FIELDS[name].sql)} AS {name}" for name in columns)
+def _position(rows: pd.DataFrame, name: str, value: pd.Series) -> pd.Series:
+    """Return a position; that of vibrations, cycles and modes, which is 0 as a state, stands in their content."""
+    return value.mask(value == 0, rows[POSITIONS[name]].fillna(0.0))
 
 
-def _states(connection: sqlite3.Connection, states: str, limit: int) -> list[FlatRow]:
-    newest = f"SELECT path, depth, shear FROM {states} ORDER BY added DESC, path DESC, depth, shear LIMIT ?"
-    checked = (
-        f"SELECT state.*, {DAMAGED} AS damaged FROM ({newest})"
-        " JOIN main.state USING (path, depth, shear) JOIN path ON path.id = state.path"
+def _paths(connection: sqlite3.Connection, found: pd.DataFrame, limit: int) -> pd.DataFrame:
+    of_states = found.assign(not_ok=found.outcome != "ok", **{name: numbers(found[name]) for name in POSITIONS})
+    totals = of_states.groupby("path").agg(
+        states=("outcome", "size"),
+        not_ok=("not_ok", "sum"),
+        least_depth_over_D=("depth_over_D", "min"),
+        greatest_depth_over_D=("depth_over_D", "max"),
+        greatest_shear_over_D=("shear_over_D", "max"),
+        seconds=("seconds", "sum"),
+        added=("added", "max"),
     )
-    shown = (
-        f"SELECT path, depth, shear, iif(damaged, '{CHANGED}', status) AS status,"
-        " iif(damaged, NULL, answer) AS answer, seconds, added FROM checked"
-    )
-    query = (
-        f"WITH checked AS MATERIALIZED ({checked}), state AS ({shown}) SELECT {_named(COLUMNS)} FROM state"
-        " JOIN path ON path.id = state.path ORDER BY state.added DESC, state.path DESC, state.depth, state.shear"
-    )
-    return _rows(connection, query, limit)
-
-
-def _paths(connection: sqlite3.Connection, states: str, limit: int) -> list[FlatRow]:
-    newest = (
-        "SELECT path, COUNT(*) AS states, SUM(outcome != 'ok') AS not_ok, MIN(depth) AS depth,"
-        " MAX(depth) AS greatest_depth, MAX(shear) AS shear, SUM(seconds) AS seconds, MAX(added) AS added"
-        f" FROM {states} GROUP BY path ORDER BY MAX(added) DESC, path DESC LIMIT ?"
-    )
-    query = (
-        f"SELECT {_named(PATH_COLUMNS)}, states, not_ok, {of_path('depth', 'depth')} AS least_depth_over_D,"
-        f" {of_path('greatest_depth', 'depth')} AS greatest_depth_over_D,"
-        f" {of_path('shear', 'shear_x')} AS greatest_shear_over_D, seconds, newest.added AS added, key"
-        f" FROM ({newest}) AS newest JOIN path ON path.id = newest.path ORDER BY newest.added DESC, path.id DESC"
-    )
-    return _rows(connection, query, limit)
+    rows = totals.join(paths(connection))
+    for name in ("least_depth_over_D", "greatest_depth_over_D", "greatest_shear_over_D"):
+        rows[name] = _position(rows, name.partition("_")[2], rows[name])
+    rows["key"] = rows.index.map(dict(connection.execute("SELECT id, key FROM path").fetchall()))
+    newest = rows.reset_index().sort_values(["added", "path"], ascending=False).head(limit)
+    return newest[[*PATH_COLUMNS, *totals, "key"]]
 
 
 # Export
+
+SUFFIXES = (".csv", ".parquet", ".jsonl")
+DIGITS = 12
+"""Significant digits in a CSV file."""
 
 
 def export(selection: Selection, out: Path, progress: Progress) -> int:
     """Write the states that meet the filters to a file, in the order of their paths, and return their number."""
     atomic_files.check_output_file(out, *SUFFIXES)
-    sql, values = condition(selection)
     file = selection.store or store.default()
-    written = 0
-    with store.readable(file) as connection:
-        register(connection)
-        found = f"FROM state JOIN path ON path.id = state.path WHERE {sql}"
-        count, damaged = connection.execute(f"SELECT COUNT(*), SUM({DAMAGED}) {found}", values).fetchone()
-        if damaged:
-            raise BadInput(
-                f"{damaged} of {count} states of the store {str(file)!r} are not as they were written, so {out.name} "
-                "is not written: magtip store check says what to do"
-            )
-        if not count:
+    with reading(file) as connection:
+        found = chosen(connection, selection).sort_values(KEY, key=numbers)
+        if found.empty:
             raise BadInput(f"no state of the store {str(file)!r} meets the filters, so {out.name} is not written")
-        rows = connection.execute(
-            f"SELECT {', '.join(field.sql for field in FIELDS.values())} {found}"
-            " ORDER BY state.path, state.depth, state.shear",
-            values,
+        rows = answered(connection, found, progress=progress)
+    if damaged := int((rows.status == DAMAGED).sum()):
+        raise BadInput(
+            f"{damaged} of {len(rows)} states of the store {str(file)!r} are not as they were written, so {out.name} "
+            "is not written: magtip store check says what to do"
         )
-        with atomic_files.sole_writer(out), _writer(out, file) as write:
-            for batch in itertools.takewhile(len, (rows.fetchmany(BATCH) for _ in itertools.count())):
-                write(batch)
-                written += len(batch)
-                progress(written / count, f"{count} states")
-    return written
+    others = [name for name in rows if name not in HEAD and name != "path" and rows[name].notna().any()]
+    with atomic_files.sole_writer(out):
+        _write(rows.reindex(columns=[*HEAD, *others]), out, file)
+    return len(rows)
 
 
-@contextlib.contextmanager
-def _writer(out: Path, file: Path) -> Iterator[Callable[[StateRows], None]]:
+def _write(rows: pd.DataFrame, out: Path, file: Path) -> None:
     if out.suffix.lower() == ".jsonl":
         with atomic_files.atomic(out) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as stream:
-            yield lambda rows: stream.writelines(
-                atomic_files.json_line(dict(zip(FIELDS, row, strict=True))) + "\n" for row in rows
-            )
+            for values in rows.itertuples(index=False, name=None):
+                stream.write(atomic_files.json_line(dict(zip(rows, values, strict=True))) + "\n")
         return
     about = {"store": str(file), "versions": provenance.versions()}
+    texts = {name: name == "friction" or _of_texts(rows[name]) for name in rows}
     with table_files.writer(out, digits=DIGITS, about=about) as write:
-        yield lambda rows: write(
-            {
-                name: np.array([None if value is None else str(value) for value in values], dtype=object)
-                if "text" in field.kind
-                else np.array(values, dtype=float)  # NULL is NaN
-                for (name, field), values in zip(FIELDS.items(), zip(*rows, strict=True), strict=True)
-            }
-        )
+        for begin in range(0, len(rows), BATCH):
+            batch = rows.iloc[begin : begin + BATCH]
+            write({name: _array(batch[name], of_texts=of_texts) for name, of_texts in texts.items()})
+
+
+def _array(column: pd.Series, *, of_texts: bool) -> Any:
+    """Return a column as texts, None where there is none, or as numbers, NaN where there is none."""
+    if of_texts:
+        return column.map(str, na_action="ignore").astype(object).where(column.notna(), None).to_numpy()
+    return column.astype(float).to_numpy()
+
+
+def _of_texts(column: pd.Series) -> bool:
+    return column.name in TEXTS or (column.name not in HEAD and bool(column.map(type).eq(str).any()))
 
 
 # Removal
@@ -403,39 +509,43 @@ def prune(selection: Selection, *, yes: bool) -> FlatRow:
     "states" and "paths": numbers of states, and of paths of which no state stays. "solving_s": time that the solves
     of the states took, s. "size_MB" of the file before, and "freed_MB", an estimate while nothing is removed.
     """
-    where = condition(selection)
-    if where[0] == "1":
+    if not any(value for name, value in asdict(selection).items() if name != "store"):
         raise BadInput(
             "prune needs a filter, such as --failed, --older-physics, --before 2026-11-05 or --where nu=0.45; "
             "to remove everything, delete the file"
         )
     file = selection.store or store.default()
-    with store.readable(file) as connection:
-        register(connection)
-        before = summary(file, connection, chosen(connection, where))
-        (paths,) = connection.execute(
-            "SELECT COUNT(*) FROM (SELECT path, COUNT(*) AS n FROM chosen GROUP BY path) AS gone"
-            " WHERE n = (SELECT COUNT(*) FROM state WHERE state.path = gone.path)"
-        ).fetchone()
+    with reading(file) as connection:
+        gone = chosen(connection, selection)
+        before = summary(file, connection, gone)
+        of_paths = dict(connection.execute("SELECT path, COUNT(*) FROM state GROUP BY path").fetchall())
     states, in_store, size = (before[name] for name in ("states", "states_in_store", "size_MB"))
     if yes and states:
-        with store.writable(file) as connection, store.refusals(file):
-            register(connection)
-            connection.execute("BEGIN IMMEDIATE")
-            with connection:
-                connection.execute(f"DELETE FROM state WHERE {where[0]}", where[1])
-                connection.execute("DELETE FROM path WHERE id NOT IN (SELECT path FROM state)")
-            connection.execute("VACUUM")
-            # a process that reads keeps the old pages: the file shrinks later, without a wait here
-            connection.execute("PRAGMA busy_timeout = 0")
-            connection.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+        _remove(file, selection)
     return {
         "file": str(file),
         "removed": yes,
         "states": states,
-        "paths": paths,
+        "paths": sum(count == of_paths[path] for path, count in gone.path.value_counts().items()),
         "states_left": in_store - states,
         "solving_s": before["solving_s"],
         "size_MB": size,
         "freed_MB": size - size_MB(file) if yes else size * (states / in_store if in_store else 0.0),
     }
+
+
+def _remove(file: Path, selection: Selection) -> None:
+    with store.writable(file) as connection, store.refusals(file):
+        connection.execute("BEGIN IMMEDIATE")
+        with connection:
+            # what another process has solved meanwhile stays
+            gone = chosen(connection, selection)
+            connection.executemany(
+                "DELETE FROM state WHERE path = ? AND depth = ? AND shear = ?",
+                gone[KEY].itertuples(index=False, name=None),
+            )
+            connection.execute("DELETE FROM path WHERE id NOT IN (SELECT path FROM state)")
+        connection.execute("VACUUM")
+        # a process that reads keeps the old pages: the file shrinks later, without a wait here
+        connection.execute("PRAGMA busy_timeout = 0")
+        connection.execute("PRAGMA wal_checkpoint(TRUNCATE)")

@@ -6,7 +6,7 @@ import json
 import math
 import random
 import sqlite3
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +25,8 @@ MOST_NAMED = 3
 SOLVE_AGAIN = "magtip store prune --damaged --yes removes them, and the next study solves them again"
 SOLVED_OTHERWISE = "remove them by magtip store prune; if the models have changed, raise fem.physics_version"
 NEW_FILE = "export what can be read, move the file away, and let the next study make a new one"
+Found = tuple[int, Sequence[str]]
+"""How many things were checked, and a sentence for each that is wrong."""
 Place = tuple[int, float, float]
 """Path, depth and shear of a state."""
 ROUNDING = 1e-6
@@ -42,12 +44,11 @@ def checks(file: Path, repeated: int = 0, seed: int = 0, progress: Progress | No
     "check": what is checked. "status": ok or failed. "checked": number of things that were checked. "message": what
     is wrong and what to do, empty if nothing is.
     """
-    with store.readable(file) as connection:
-        store_actions.register(connection)
-        for name, (counting, wrong, sentence, remedy) in queries().items():
+    with store_actions.reading(file) as connection:
+        for name, (found, remedy) in CHECKS.items():
             try:
-                (count,) = connection.execute(counting).fetchone()
-                yield _check(name, count, [sentence.format(*row) for row in connection.execute(wrong)], remedy)
+                count, errors = found(connection)
+                yield _check(name, count, errors, remedy)
             except sqlite3.Error as error:
                 yield _check(name, 0, [f"the file cannot be read there ({error})"], NEW_FILE)
         if repeated:
@@ -62,48 +63,51 @@ def _check(name: str, count: int, errors: Sequence[str], remedy: str) -> FlatRow
     return {"check": name, "status": "failed" if errors else "ok", "checked": count, "message": message}
 
 
-def queries() -> dict[str, tuple[str, str, str, str]]:
-    """Return by the name of each check the SQL that counts what is checked and selects what is wrong, a sentence for
-    each of these rows, and the remedy.
-    """
-    count_states = "SELECT COUNT(*) FROM state"
-    joined = "FROM state JOIN path ON path.id = state.path"
-    kinds = [store_actions.FIELDS[name].sql for name in ("quantity", "model", "physics")]
-    paths = "FROM path WHERE json_valid(content)"
+def _pages(connection: sqlite3.Connection) -> Found:
+    (count,) = connection.execute("PRAGMA page_count").fetchone()
+    return count, [text for (text,) in connection.execute("PRAGMA integrity_check") if text != "ok"]
+
+
+def _links(connection: sqlite3.Connection) -> Found:
+    (count,) = connection.execute("SELECT COUNT(*) FROM state").fetchone()
+    return count, [f"a {of} has no {to}" for of, _, to, _ in connection.execute("PRAGMA foreign_key_check")]
+
+
+def _contents(connection: sqlite3.Connection) -> Found:
+    paths = connection.execute("SELECT id, CAST(key AS BLOB), CAST(content AS BLOB) FROM path").fetchall()
+    return len(paths), [f"path {number} is damaged" for number, *row in paths if store_actions.damaged_path(*row)]
+
+
+def _answers(connection: sqlite3.Connection) -> Found:
+    count, errors = 0, list[str]()
+    query = f"SELECT path, CAST(key AS BLOB), {store.READ} FROM state JOIN path ON path.id = state.path ORDER BY path"
+    for number, key, *row in connection.execute(query):
+        count += 1
+        if store.stored(key.decode("utf-8", "replace"), row) is None:
+            errors.append(f"a state of path {number} is damaged")
+    return count, errors
+
+
+def _physics(connection: sqlite3.Connection) -> Found:
+    paths = store_actions.paths(connection)
+    paths = paths[paths.model != store_actions.DAMAGED]
     # older physics versions are in order
-    known = f"COALESCE({kinds[2]} >= 1 AND NOT {store_actions.current_physics('>')}, 0)"
-    return {
-        "pages of the file": (
-            "PRAGMA page_count",
-            "SELECT integrity_check FROM pragma_integrity_check WHERE integrity_check != 'ok'",
-            "{}",
-            NEW_FILE,
-        ),
-        "links of states to paths": (
-            count_states,
-            'SELECT "table", parent FROM pragma_foreign_key_check',
-            "a {} has no {}",
-            NEW_FILE,
-        ),
-        "contents of paths belong to their keys": (
-            "SELECT COUNT(*) FROM path",
-            f"SELECT id FROM path WHERE {store_actions.DAMAGED_PATH}",
-            "path {} is damaged",
-            SOLVE_AGAIN,
-        ),
-        "answers and positions of states": (
-            count_states,
-            f"SELECT path {joined} WHERE damaged_state(CAST(path.key AS BLOB), {store.READ})",
-            "a state of path {} is damaged",
-            SOLVE_AGAIN,
-        ),
-        "physics versions": (
-            f"SELECT COUNT(*) FROM (SELECT 1 {paths} GROUP BY {', '.join(kinds)})",
-            f"SELECT COUNT(*), name_of({kinds[0]}, {kinds[1]}), {kinds[2]} {paths} AND NOT {known} GROUP BY 2, 3",
-            "{} of {} with physics version {}",
-            "this version of magtip knows no such version and uses none of these paths; update magtip",
-        ),
-    }
+    known = (store_actions.numbers(paths.physics) >= 1) & ~(store_actions.ages(paths) > 0).any(axis=1)
+    unknown = store_actions.counted(paths[~known])
+    errors = [f"{count} of {name} with physics version {physics}" for name, physics, count in unknown]
+    return len(store_actions.counted(paths)), errors
+
+
+CHECKS: dict[str, tuple[Callable[[sqlite3.Connection], Found], str]] = {
+    "pages of the file": (_pages, NEW_FILE),
+    "links of states to paths": (_links, NEW_FILE),
+    "contents of paths belong to their keys": (_contents, SOLVE_AGAIN),
+    "answers and positions of states": (_answers, SOLVE_AGAIN),
+    "physics versions": (
+        _physics,
+        "this version of magtip knows no such version and uses none of these paths; update magtip",
+    ),
+}
 
 
 # States solved again
@@ -114,11 +118,10 @@ def chosen(connection: sqlite3.Connection, count: int, seed: int) -> list[Place]
 
     Those of stores of magtip 0.2 do not say what was solved.
     """
-    known = connection.execute(
-        "SELECT state.path, depth, shear FROM state JOIN path ON path.id = state.path"
-        f" WHERE outcome = 'ok' AND NOT {store_actions.DAMAGED} AND {store_actions.current_physics('=')}"
-        " ORDER BY state.path, depth, shear"
-    ).fetchall()
+    states = store_actions.states(connection)
+    states = states[(states.outcome == "ok") & (store_actions.ages(states) == 0).all(axis=1)]
+    states = states[[state is not None for state in store_actions.read(connection, states)]]
+    known = list(states[store_actions.KEY].sort_values(store_actions.KEY).itertuples(index=False, name=None))
     return random.Random(seed).sample(known, min(count, len(known)))
 
 
