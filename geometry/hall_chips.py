@@ -9,6 +9,8 @@ from typing import Any
 
 OWN = "chip"
 """Layout of a chip whose range, step, noise and body are fields of the design."""
+AMBIENT = "ambient"
+"""Layout of a chip that measures the ambient field beside a sensor, and saturates at its magnet; no design has it."""
 CIRCLES: dict[int, tuple[tuple[float, float], ...]] = {
     1: ((1.0, 0.0),),
     2: ((1.0, 0.0), (-1.0, 0.0)),

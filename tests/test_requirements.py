@@ -418,8 +418,8 @@ SILICONE = '[[silicone]]\nname = "S"\nE = ["700 kPa", 0.8, 1]\n'
 
 def test_a_file_with_all_kinds(toml):
     file = read_catalogue(toml(GRADE + MAGNET + HALL + SILICONE))
-    assert file["grades"]["N38"]["remanence"] == (1.22, 1.26)
-    assert (file["magnets"]["7x2"]["diameter"], file["magnets"]["7x2"]["height"]) == (7.0, 2.0)
+    assert file["grades"]["N38"].remanence == (1.22, 1.26)
+    assert (file["magnets"]["7x2"].diameter, file["magnets"]["7x2"].height) == (7.0, 2.0)
     assert file["hall_parts"]["H"].gain == 10.0
     silicone = file["silicones"]["S"]
     assert (silicone.E_low, silicone.E, silicone.E_high) == (0.7, 0.8, 1.0)
@@ -529,6 +529,9 @@ def test_parts_of_unknown_rate_and_slow_ones_are_named(toml, refused):
         ('[[hall_part]]\nname = "H"', ["H: gain is missing"]),
         (HALL + "low = 3", ["null must lie between low = 3 V and high = 4.8 V; got 2.5 V"]),
         (HALL + 'layout = "tmag5273"', ["there is no layout 'tmag5273'", "did you mean tmag5273a"]),
+        (SILICONE + 'assumed = ["nue"]', ["sensor.toml: S: assumed: there is no key 'nue': did you mean nu"]),
+        (SILICONE + 'source = "a\\u0007b"', ["S: source must be text that can be printed"]),
+        (HALL + "gain_tolerance = 5", ["H: gain_tolerance must lie between 0 and 1; got 5: write 40 % as 0.4"]),
         (CHIP.replace("0.3", "1"), ["plate_height must not exceed the body's height = 0.8 mm; got 1 mm"]),
     ],
 )

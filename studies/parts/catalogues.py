@@ -1,30 +1,30 @@
 """The parts from which a sensor is sized: magnets, Hall parts and silicones that are sold, with ranges and sources.
 
-A file holds any of the arrays of tables `[[grade]]`, `[[magnet]]`, `[[hall_part]]` and `[[silicone]]`; the shipped
-files in this folder are the examples. A magnet stands for one part of each of its grades, such as "4x2 N35". A value
-that a table leaves out has its default, and counts as assumed. An entry of a user's file replaces the shipped one of
-the same name; all others are added.
+Files have the form of `catalogue_file`; the shipped ones in this folder are the examples. A magnet stands for one
+part of each of its grades, such as "4x2 N35". An entry of a user's file replaces the shipped one of the same name;
+all others are added.
 
 Input that cannot be used raises a `BadInput` here, whose message is one sentence with the remedy.
 """
 
 from __future__ import annotations
 
-import csv
 import dataclasses
 import functools
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
-from geometry.bad_input import nearest, words
-from geometry.design import HALL_LAYOUTS, LEAST_WALL, BadInput, Design
-from geometry.hall_chips import CHIPS, OWN, HallChip
+from geometry.bad_input import nearest
+from geometry.design import LEAST_WALL, BadInput, Design
+from geometry.hall_chips import AMBIENT, CHIPS, OWN, HallChip
 from studies.fabrication.sensor_solids import Mix
-from studies.inputs.user_input import check_keys, quantity, toml_table
 from studies.parts.requirements import CATALOGUES, Requirements
+
+if TYPE_CHECKING:
+    from studies.parts.catalogue_file import Grade, HallPart, Magnet, Silicone
 
 FILTER = math.pi / 2
 """Bandwidth of white noise over the -3 dB bandwidth of a low pass of first order."""
@@ -39,7 +39,7 @@ ASSUMED_LOSS = Design().loss_factor
 
 @dataclass(frozen=True, slots=True)
 class MagnetEntry:
-    """A cylindrical magnet that is sold, magnetised along its axis: a size in one grade, see `catalogue_keys.csv`."""
+    """A cylindrical magnet that is sold, magnetised along its axis: a size in one grade (`catalogue_file.Magnet`)."""
 
     name: str
     grade: str
@@ -75,8 +75,8 @@ class HallPartEntry:
     """A Hall part that is sold: one-axis parts, of which a sensor has three, or a 3-axis chip. None is unknown.
 
     Of a chip the gain is 1, null, its tolerance and rails are in T, and width, height and thickness are its size
-    along x, along y and over its board. The others are those of `catalogue_keys.csv`. `count` is the number of such
-    chips in a sensor.
+    along x, along y and over its board. The others are those of `catalogue_file.HallPart`. `count` is the number of
+    such chips in a sensor.
     """
 
     name: str
@@ -186,7 +186,7 @@ class HallPartEntry:
 
 @dataclass(frozen=True, slots=True)
 class SiliconeEntry:
-    """A castable silicone: least, typical and largest published values, see `catalogue_keys.csv`.
+    """A castable silicone: least, typical and largest published values, see `catalogue_file.Silicone`.
 
     The loss factors, and the frequencies between which they were measured, Hz, are None where no source has them.
     """
@@ -261,171 +261,54 @@ class Catalogues:
     silicones_left_out: tuple[SiliconeEntry, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class Key:
-    """A key of a table: unit (of `studies.inputs.user_input.UNITS`, text, or names) and range of its numbers, how
-    many they are, and its default: None where it is needed, NaN where it is then unknown.
-    """
-
-    unit: str
-    low: float
-    high: float
-    count: int
-    default: Any
-
-
-def _keys() -> dict[str, dict[str, Key]]:
-    tables: dict[str, dict[str, Key]] = {}
-    with (FOLDER / "catalogue_keys.csv").open(encoding="utf-8", newline="") as file:
-        for row in csv.DictReader(file):
-            low, high = (float(row[end] or math.nan) for end in ("low", "high"))
-            unit, count, text = row["unit"], int(row["count"]), row["default"]
-            default: Any
-            if unit in ("text", "names") or text in ("", "unknown"):
-                default = {"": None, "unknown": math.nan, "-": () if unit == "names" else ""}.get(text, text)
-            else:
-                numbers = tuple(float(number) for number in text.split())
-                default = numbers if count > 1 else numbers[0]
-            tables.setdefault(row["table"], {})[row["key"]] = Key(unit, low, high, count, default)
-    return tables
-
-
 FOLDER = Path(__file__).parent
 """Folder of the shipped catalogues."""
-KEYS = _keys()
-"""Keys of the tables of a file, see `catalogue_keys.csv`."""
-OF_CHIP = ("range", "step", "noise", "rate", "offset", "plate_height")
 OF_ONE_AXIS = ("gain", "null", "null_tolerance", "low", "high", "noise_density", "bandwidth", "plate")
-"""Keys of a Hall part that only a chip of one's own, and only a one-axis part, has."""
-ENDS = {2: "[low, high]", 3: "[low, typical, high]"}
-"""How a key with several numbers is written."""
-
-
-KINDS = {"grade": "grades", "magnet": "magnets", "hall_part": "hall_parts", "silicone": "silicones"}
-"""Kinds of entries by the name of their tables in a file."""
+"""Values of a Hall part that only a one-axis part has."""
+USUAL_GAIN = 0.05
+"""Largest relative deviation of the gain of a chip of which none is known."""
 Named = dict[str, dict[str, Any]]
-"""Entries by kind and name; magnets without the values of their grades, and these as dictionaries."""
+"""Grades and magnets as their file has them, Hall parts and silicones, by kind and name."""
 
 
 def read_catalogue(path: str) -> Named:
     """Read and check the entries of a file."""
-    table = toml_table(path, "file")
-    check_keys(path, table, KEYS)
-    if not any(table.get(name) for name in KEYS):
-        raise BadInput(f"{path}: the catalogue is empty: add a table [[magnet]], [[hall_part]] or [[silicone]]")
-    named: Named = {kind: {} for kind in KINDS.values()}
-    for array, kind in KINDS.items():
-        tables = table.get(array, [])
-        if not isinstance(tables, list) or not all(isinstance(each, dict) for each in tables):
-            raise BadInput(f"{path}: {array} must be an array of tables: write [[{array}]]")
-        for number, each in enumerate(tables, 1):
-            name, entry = _entry(path, array, each, number)
-            if name in named[kind]:
-                raise BadInput(f"{path}: two tables [[{array}]] have the name {name!r}: rename or remove one")
-            named[kind][name] = entry
-    return named
+    from studies.parts import catalogue_file
+
+    tables = catalogue_file.read(path)
+    return {
+        "grades": tables["grade"],
+        "magnets": tables["magnet"],
+        "hall_parts": {name: _hall_part(table) for name, table in tables["hall_part"].items()},
+        "silicones": {name: _silicone(table) for name, table in tables["silicone"].items()},
+    }
 
 
-def _entry(path: str, array: str, table: Mapping[str, Any], number: int) -> tuple[str, Any]:
-    """Return the name and the entry of a table; `assumed` also names what the table leaves out."""
-    keys, name = KEYS[array], table.get("name")
-    where = f"{path}: {name}" if isinstance(name, str) and name else f"{path}: [[{array}]] number {number}"
-    check_keys(where, table, keys)
-    entry: dict[str, Any] = {}
-    for key, kind in keys.items():
-        if key in table:
-            entry[key] = _value(f"{where}: {key}", table[key], kind)
-        elif kind.default is None:
-            raise BadInput(f"{where}: {key} is missing")
-        else:
-            entry[key] = kind.default
-    if "assumed" in keys:
-        check_keys(f"{where}: assumed", entry["assumed"], keys)
-        unset = (*table, "name", "layout", "source", "loss_source", "assumed")
-        # what has no default is unknown, and not assumed
-        left_out = [key for key, kind in keys.items() if key not in unset and kind.default == kind.default]
-        entry["assumed"] = (*entry["assumed"], *left_out)
-    if array == "magnet":
-        _check_magnet(where, entry)
-        entry["name"] = entry["name"] or f"{entry['diameter']:g}x{entry['height']:g}"
-    if array == "hall_part":
-        return entry["name"], _hall_part(f"{path}: {entry['name']}", entry)
-    return entry["name"], _silicone(entry) if array == "silicone" else entry
-
-
-def _value(where: str, value: object, key: Key) -> Any:
-    if key.unit == "text":
-        if not isinstance(value, str) or not value.strip():
-            raise BadInput(f"{where} must be a text; got {value!r:.60}")
-        return words(where, value)
-    if key.unit == "names":
-        if not isinstance(value, list) or not all(isinstance(name, str) for name in value):
-            raise BadInput(f"{where} must be a list of names; got {value!r:.60}")
-        return tuple(words(where, name) for name in value)
-    if key.count == 1:
-        return quantity(where, value, key.unit, key.low, key.high)
-    ends = ENDS[key.count] if not where.endswith("body") else "[width, height, thickness]"
-    if key.default != key.default and isinstance(value, str | int | float):
-        # of what may be unknown, one number is enough
-        value = [value] * key.count
-    if not isinstance(value, list) or len(value) != key.count:
-        raise BadInput(f"{where} must be {ends}; got {value!r:.60}")
-    numbers = tuple(quantity(where, number, key.unit, key.low, key.high) for number in value)
-    if list(numbers) != sorted(numbers) and not where.endswith("body"):
-        raise BadInput(f"{where} must be {ends}, none above the next; got {', '.join(f'{n:g}' for n in numbers)}")
-    return numbers
-
-
-def _check_magnet(where: str, entry: Mapping[str, Any]) -> None:
-    if not entry["grades"]:
-        raise BadInput(f"{where}: grades is empty: name one or more, such as N35")
-    widest = min(entry["diameter"], entry["height"]) / 2
-    if not entry["edge_radius"] <= widest:
-        raise BadInput(
-            f"{where}: edge_radius must not exceed half the magnet's smaller side = {widest:g} mm; got "
-            f"{entry['edge_radius']:g} mm"
-        )
-
-
-def _hall_part(where: str, entry: Mapping[str, Any]) -> HallPartEntry:
-    layout = entry["layout"]
-    layouts = (*HALL_LAYOUTS, AMBIENT)
-    if layout not in layouts:
-        raise BadInput(f"{where}: there is no layout {layout!r}: {nearest(layout, layouts)}")
-    known: dict[str, Any] = {key: None if value != value else value for key, value in entry.items()}
-    if layout == "three":
-        return _one_axis(where, known)
-    if layout in CHIPS:
-        given: dict[str, Any] = {
-            key: known[key] for key in ("noise", "rate", "offset", "gain_drift") if known[key] is not None
-        }
-        if "gain_tolerance" not in entry["assumed"]:
-            given["gain_tolerance"] = entry["gain_tolerance"]
-        chip = dataclasses.replace(CHIPS[layout], name=entry["name"], source=entry["source"], **given)
-        return _of_chip(chip, layout)
-    for name in ("range", "step"):
-        if known[name] is None:
-            raise BadInput(f"{where}: {name} is missing")
-    high = entry["body"][2]
-    plate = high / 2 if known["plate_height"] is None else known["plate_height"]
-    if not plate <= high:
-        raise BadInput(f"{where}: plate_height must not exceed the body's height = {high:g} mm; got {plate:g} mm")
-    names = ("name", "range", "step", "body", "noise", "rate", "offset", "gain_tolerance", "gain_drift", "source")
-    assumed = tuple(name for name in entry["assumed"] if name not in OF_ONE_AXIS)
-    assumed += () if known["plate_height"] is not None else ("plate_height",)
-    return _of_chip(HallChip(plate=plate, assumed=assumed, **{name: known[name] for name in names}), layout)
-
-
-def _one_axis(where: str, known: Mapping[str, Any]) -> HallPartEntry:
-    if known["gain"] is None:
-        raise BadInput(f"{where}: gain is missing")
-    if not known["low"] < known["null"] < known["high"]:
-        raise BadInput(
-            f"{where}: null must lie between low = {known['low']:g} V and high = {known['high']:g} V; got "
-            f"{known['null']:g} V"
-        )
-    values = {key: value for key, value in known.items() if key not in (*OF_CHIP, "body")}
-    return HallPartEntry(**values, **_body(known["body"]))
+def _hall_part(table: HallPart) -> HallPartEntry:
+    assumed = table.all_assumed
+    if table.layout == "three":
+        names = ("name", "layout", *OF_ONE_AXIS, "gain_tolerance", "gain_drift", "source")
+        values = {name: getattr(table, name) for name in names}
+        return HallPartEntry(**values, **_body(table.body), assumed=assumed)
+    values = {name: getattr(table, name) for name in ("name", "noise", "rate", "offset", "gain_drift", "source")}
+    if table.layout in CHIPS:
+        values = {name: value for name, value in values.items() if value is not None}
+        if "gain_tolerance" not in assumed:
+            values["gain_tolerance"] = table.gain_tolerance
+        return _of_chip(dataclasses.replace(CHIPS[table.layout], **values), table.layout)
+    assert table.range is not None
+    assert table.step is not None
+    known = table.plate_height is not None
+    chip = HallChip(
+        **values,
+        range=table.range,
+        step=table.step,
+        body=table.body,
+        plate=table.plate_height if table.plate_height is not None else table.body[2] / 2,
+        gain_tolerance=table.gain_tolerance,
+        assumed=(*(name for name in assumed if name not in OF_ONE_AXIS), *([] if known else ["plate_height"])),
+    )
+    return _of_chip(chip, table.layout)
 
 
 def _body(body: tuple[float, ...]) -> dict[str, Any]:
@@ -433,7 +316,6 @@ def _body(body: tuple[float, ...]) -> dict[str, Any]:
 
 
 def _of_chip(chip: HallChip, layout: str) -> HallPartEntry:
-    usual = KEYS["hall_part"]["gain_tolerance"].default
     return HallPartEntry(
         name=chip.name,
         layout=layout,
@@ -442,7 +324,7 @@ def _of_chip(chip: HallChip, layout: str) -> HallPartEntry:
         rate=chip.rate,
         step=chip.step,
         source=chip.source,
-        gain_tolerance=usual if chip.gain_tolerance is None else chip.gain_tolerance,
+        gain_tolerance=USUAL_GAIN if chip.gain_tolerance is None else chip.gain_tolerance,
         null_tolerance=chip.offset,
         low=-chip.range,
         high=chip.range,
@@ -452,21 +334,25 @@ def _of_chip(chip: HallChip, layout: str) -> HallPartEntry:
     )
 
 
-def _silicone(entry: Mapping[str, Any]) -> SiliconeEntry:
-    ranges, known = ("E", "nu", "loss_factor"), isinstance(entry["loss_factor"], tuple)
-    values = {key: value for key, value in entry.items() if key not in (*ranges, "loss_frequency")}
-    if not known:
-        entry = {**entry, "loss_factor": (None,) * 3, "loss_frequency": (None,) * 2}
-        values |= {"loss_source": "", "assumed": tuple(key for key in entry["assumed"] if key != "loss_frequency")}
-    for name in ranges:
-        values |= dict(zip((f"{name}_low", name, f"{name}_high"), entry[name], strict=True))
-    values |= dict(zip(("loss_low", "loss_high"), entry["loss_frequency"], strict=True))
-    values["loss_source"] = values["loss_source"] or (entry["source"] if known else "")
-    return SiliconeEntry(**values)
+def _silicone(table: Silicone) -> SiliconeEntry:
+    known = table.loss_factor is not None
+    band = table.loss_frequency if known else (None, None)
+    values: dict[str, Any] = dict(zip(("loss_low", "loss_high"), band, strict=True))
+    for name, numbers in (("E", table.E), ("nu", table.nu), ("loss_factor", table.loss_factor or (None,) * 3)):
+        values |= dict(zip((f"{name}_low", name, f"{name}_high"), numbers, strict=True))
+    return SiliconeEntry(
+        **values,
+        name=table.name,
+        density=table.density,
+        loss_source=(table.loss_source or table.source) if known else "",
+        cure_temperature=table.cure_temperature,
+        cure_hours=table.cure_hours,
+        mixed=table.mixed,
+        source=table.source,
+        assumed=tuple(name for name in table.all_assumed if known or name != "loss_frequency"),
+    )
 
 
-AMBIENT = "ambient"
-"""Layout of a chip that measures the ambient field beside a sensor, and saturates at its magnet."""
 Part = TypeVar("Part", MagnetEntry, HallPartEntry, SiliconeEntry)
 
 
@@ -585,24 +471,28 @@ COLUMNS = {name: f"{name}_{unit}" for unit, names in UNITS.items() for name in n
 """Columns that carry a unit, by field; the null, its tolerance and the rails are in V, or in T of a chip."""
 
 
-def _magnets(path: str, sizes: Mapping[str, dict[str, Any]], grades: Mapping[str, Any]) -> dict[str, MagnetEntry]:
-    merged: dict[str, MagnetEntry] = {}
-    for size, values in sizes.items():
-        for name in values["grades"]:
+def _magnets(path: str, sizes: Mapping[str, Magnet], grades: Mapping[str, Grade]) -> dict[str, MagnetEntry]:
+    found: dict[str, MagnetEntry] = {}
+    for size, table in sizes.items():
+        for name in table.grades:
             if name not in grades:
                 raise BadInput(f"{path}: {size}: there is no grade {name!r}: {nearest(name, grades)}")
-            grade, (low, high) = grades[name], grades[name]["remanence"]
-            own: dict[str, Any] = {
-                "name": f"{size} {name}",
-                "grade": name,
-                "remanence_low": low,
-                "remanence_high": high,
-                "largest_temperature": grade["largest_temperature"],
-                "source": f"{values['source']}; {name}: {grade['source']}",
-            }
-            kept = {key: value for key, value in values.items() if key != "grades"}
-            merged[own["name"]] = MagnetEntry(**kept | own)
-    return merged
+            grade = grades[name]
+            found[f"{size} {name}"] = MagnetEntry(
+                name=f"{size} {name}",
+                grade=name,
+                diameter=table.diameter,
+                height=table.height,
+                edge_radius=table.edge_radius,
+                tolerance=table.tolerance,
+                remanence_low=grade.remanence[0],
+                remanence_high=grade.remanence[1],
+                largest_temperature=grade.largest_temperature,
+                density=table.density,
+                source=f"{table.source}; {name}: {grade.source}",
+                assumed=table.all_assumed,
+            )
+    return found
 
 
 def _in_use(kind: str, parts: Mapping[str, Part], requirements: Requirements) -> tuple[Part, ...]:
