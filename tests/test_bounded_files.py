@@ -11,7 +11,7 @@ import pytest
 
 from geometry.design import BadInput, paper
 from studies.calibration import bench_file
-from studies.inputs import table_input, user_input
+from studies.inputs import table_input, units, user_input
 from studies.output import bounded_files, own_files, provenance
 from studies.parts.requirements import read_requirements
 from studies.web import folder_contents, page_content
@@ -112,7 +112,7 @@ def test_a_long_head_or_unit_takes_no_time(tmp_path, refused):
     assert table_input.split_head(f"S1{blanks}({blanks}V{blanks})") == ("S1", "V")
     assert table_input.split_head(f"S1 ({blanks}") == ("S1 (", "")
     with refused("is no unit for it"):
-        user_input.quantity("force_z", f"5{blanks}x{blanks}y", "N")
+        units.quantity("force_z", f"5{blanks}x{blanks}y", "N")
     file = tmp_path / "run.csv"
     file.write_text(f"S1{blanks}x\n1\n")
     with refused("."):

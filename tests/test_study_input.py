@@ -7,7 +7,8 @@ import pytest
 
 from geometry.design import BadInput, Design, paper
 from studies.inputs.study_input import parse_axes, read_study, study_design
-from studies.inputs.user_input import fabrication_of, quantity, read_design
+from studies.inputs.units import quantity
+from studies.inputs.user_input import fabrication_of, read_design
 
 
 @pytest.mark.parametrize(

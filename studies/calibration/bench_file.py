@@ -18,7 +18,8 @@ import numpy as np
 from analytic import parts
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
-from studies.inputs.table_input import COLDEST, HOTTEST, KELVIN, UNITS, Measured, split_head
+from studies.inputs.table_input import COLDEST, HOTTEST, Measured, split_head
+from studies.inputs.units import IN_HEADS, KELVIN
 
 FORCES, MOTIONS = ("Fx_N", "Fy_N", "Fz_N"), ("depth_mm", "shear_x_mm", "shear_y_mm")
 NAMES = {
@@ -201,17 +202,17 @@ def _meaning(head: str, given: str | None, names: Sequence[str], unit: str) -> t
     if column is None:
         return "", "", 1.0
     wanted = unit if element else column.rpartition("_")[2]
-    if named not in UNITS[wanted]:
-        whole = name if any(named in factors for factors in UNITS.values()) else head.strip()
+    if named not in IN_HEADS[wanted]:
+        whole = name if any(named in factors for factors in IN_HEADS.values()) else head.strip()
         raise BadInput(
             f"the column {head!r} has no unit that {'a reading' if element else column.rpartition('_')[0]} can have: "
-            f"write one of {', '.join(UNITS[wanted])} behind its name, as in {whole}_{wanted}"
+            f"write one of {', '.join(IN_HEADS[wanted])} behind its name, as in {whole}_{wanted}"
         )
     return column, named, sign
 
 
 def _factor(unit: str) -> float:
-    return next(factors[unit] for factors in UNITS.values() if unit in factors)
+    return next(factors[unit] for factors in IN_HEADS.values() if unit in factors)
 
 
 def _check(table: Any, names: Sequence[str], forces: Sequence[str], element: parts.Element) -> None:

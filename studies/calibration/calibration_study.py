@@ -31,7 +31,7 @@ from studies.calibration.bench_file import FORCES, MOTIONS, Bench
 from studies.calibration.regression_study import ASSUMED_NOISE, MODEL, Recorded
 from studies.calibration.sensor_fit import Fit, Sensor
 from studies.inputs.option_groups import Calibrating
-from studies.inputs.table_input import UNITS
+from studies.inputs.units import IN_HEADS
 from studies.inputs.user_input import design_text, pairs, parse_numbers
 from studies.output import page_templates
 from studies.output.atomic_files import write_text
@@ -381,7 +381,7 @@ def _causes(sensor: Sensor, rows: Array, names: Sequence[str]) -> Iterator[tuple
             both = _with_sideways(rows, k, force[:, order] * sign, moved[:, order] * sign)
             yield f"the sensor is turned by {angle} deg about z on the stand", sensor, both
     for unit in ("mN", "g", "kg"):
-        factor = UNITS["N"][unit]
+        factor = IN_HEADS["N"][unit]
         # forces and their errors are in the same unit: smaller forces alone would fit better, whatever the cause
         scaled = dataclasses.replace(sensor, force_noise=factor * sensor.force_noise)
         yield f"the forces are in {unit} and not in N", scaled, rows * np.repeat([1.0, factor, 1.0], [k, 3, 3])

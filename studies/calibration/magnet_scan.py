@@ -26,7 +26,8 @@ from analytic.hall import field_at, rotated
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.messages import Progress
-from studies.inputs.table_input import UNITS, Measured, split_head
+from studies.inputs.table_input import Measured, split_head
+from studies.inputs.units import IN_HEADS
 from studies.output import page_templates
 from studies.output.figures import Figure, Look, picture, plot
 from studies.output.result import Result, Table
@@ -59,10 +60,12 @@ def read(file: Path) -> tuple[Array, Array]:
         name, unit = split_head(head)
         name = name.lower()
         kind = "mm" if name in ("x", "y", "z") else "T" if name in ("bx", "by", "bz") else ""
-        if kind and unit not in UNITS[kind]:
-            raise BadInput(f"the column {head!r} needs a unit, one of {', '.join(UNITS[kind])}, as in {name}_{kind}")
+        if kind and unit not in IN_HEADS[kind]:
+            raise BadInput(
+                f"the column {head!r} needs a unit, one of {', '.join(IN_HEADS[kind])}, as in {name}_{kind}"
+            )
         if kind:
-            columns[name] = raw.numbers(head, holes=True) * UNITS[kind][unit]
+            columns[name] = raw.numbers(head, holes=True) * IN_HEADS[kind][unit]
     count = len(raw.rows)
     if not any(name in columns for name in ("bx", "by", "bz")) or not any(name in columns for name in "xyz"):
         raise BadInput(f"{file.name} is no scan: its heads must be x_mm (y_mm, z_mm) and Bx_mT, By_mT, Bz_mT")

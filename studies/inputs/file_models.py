@@ -15,7 +15,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError, Va
 
 from geometry.bad_input import nearest, words
 from geometry.design import BadInput
-from studies.inputs.user_input import quantity
+from studies.inputs.units import quantity
 
 Model = TypeVar("Model", bound="FileTable")
 
@@ -30,17 +30,17 @@ class FileTable(BaseModel):
         return self.model_dump(exclude_unset=True)
 
 
-def model_of(name: str, kinds: Mapping[str, Any]) -> type[FileTable]:
-    """Return the model of a table whose optional keys and their kinds are known elsewhere."""
+def model_of(kinds: Mapping[str, Any]) -> type[FileTable]:
+    """Return the model of a table whose optional keys are declared elsewhere, such as the fields of `Design`."""
     fields: dict[str, Any] = {key: (kind, None) for key, kind in kinds.items()}
-    return create_model(name, __base__=FileTable, **fields)
+    return create_model("Table", __base__=FileTable, **fields)
 
 
 # Kinds of values
 
 
 def number(unit: str, low: float = -math.inf, high: float = math.inf) -> BeforeValidator:
-    """Return the kind of a number in a unit of `user_input.UNITS`, or of a text with a number and its unit."""
+    """Return the kind of a number in a unit of `units.IN_VALUES`, or of a text with a number and its unit."""
     return BeforeValidator(lambda value, info: quantity(str(info.field_name), value, unit, low, high))
 
 
@@ -125,7 +125,7 @@ WANTED = {
     "finite_number": "a finite number",
     "int_type": "a whole number",
     "bool_type": "true or false",
-    "list_type": "a list of numbers",
+    "list_type": "a list",
     "dict_type": "a table",
     "string_type": "a string",
 }

@@ -433,8 +433,7 @@ def read_study(path: str) -> Study:
             f"{path}: the study has version {version}, and this version of magtip reads versions 1 to {VERSION}: "
             "install a newer magtip, or write the study anew"
         )
-    user_input.check_keys(path, table, kinds)
-    values = user_input.validated(path, table, kinds)
+    values = user_input.checked(path, table, kinds)
     for name in ("models", "quantities"):
         if name in values and not values[name]:
             raise BadInput(f"{path}: {name} is empty: name one or more, or leave it out for the usual ones")
@@ -530,8 +529,7 @@ def _zipped(path: str, group: Mapping[str, Any]) -> Factor:
 def _sample(path: str, table: Mapping[str, Any]) -> Factor:
     where = f"{path}: sample"
     kinds = {"method": str, "count": int, "seed": int, "ranges": dict[str, Any], "log": list[str]}
-    user_input.check_keys(where, table, kinds)
-    values = user_input.validated(where, table, kinds)
+    values = user_input.checked(where, table, kinds)
     method, count, seed = values.get("method", "sobol"), values.get("count", 0), values.get("seed", 0)
     if method not in SAMPLINGS:
         raise BadInput(f"{where}: method must be {' or '.join(SAMPLINGS)}; got {method!r}")

@@ -26,18 +26,6 @@ from studies.output.bounded_files import LARGEST, MOST_ROWS, finite, json_in, te
 
 SEPARATORS = {";": "semicolons", "\t": "tabs", "|": "bars"}
 """Separators that spreadsheets and data loggers write between columns in place of commas."""
-UNITS: dict[str, dict[str, float]] = {
-    "V": {"V": 1.0, "mV": 1e-3},
-    "T": {"T": 1.0, "mT": 1e-3, "uT": 1e-6, "µT": 1e-6, "G": 1e-4},
-    "N": {"N": 1.0, "mN": 1e-3, "g": 9.80665e-3, "gf": 9.80665e-3, "kg": 9.80665},
-    "mm": {"mm": 1.0, "um": 1e-3, "µm": 1e-3, "m": 1e3},
-    "s": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0, "h": 3600.0},
-    "C": {"C": 1.0, "degC": 1.0, "°C": 1.0, "K": 1.0},
-    "MPa": {"MPa": 1.0, "kPa": 1e-3, "Pa": 1e-6},
-}
-"""Factors of the units that a head may name, by the unit of the values that are read; kelvin have `KELVIN`, too."""
-KELVIN = 273.15
-"""0 C, K."""
 COLDEST, HOTTEST = -60.0, 160.0
 """Temperatures, C, that a chip or a magnet in use can have."""
 Rows = list[tuple[int, list[str]]]

@@ -8,7 +8,6 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import math
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Literal
 
@@ -99,15 +98,16 @@ def pairs(option: str, texts: Sequence[str], example: str) -> dict[str, str]:
     return values
 
 
-BESIDE = {"fabrication": {"process": str, "base": dict, "mold": dict}, "requirements": dict, "tolerances": dict}
-"""Tables of a design file beside its fields, and their keys: how the sensor is made, what was required of it, and how
-far its parts may lie from it."""
+BESIDE = ("fabrication", "requirements", "tolerances")
+"""Tables of a design file beside its fields: how the sensor is made, what was required of it, and how far its parts
+may lie from it."""
+FABRICATION = {"process": str, "base": dict, "mold": dict}
+"""Keys of the first of them."""
 
 
 def fabrication_of(source: str) -> dict[str, Any]:
     """Return the table [fabrication] of a design file: process, and settings of base and mould; else nothing."""
-    kinds: Any = BESIDE["fabrication"]
-    return table_beside(source, "fabrication", kinds)
+    return table_beside(source, "fabrication", FABRICATION)
 
 
 def table_beside(source: str, name: str, kinds: Mapping[str, Any]) -> dict[str, Any]:
@@ -115,8 +115,7 @@ def table_beside(source: str, name: str, kinds: Mapping[str, Any]) -> dict[str, 
     table = toml_table(source, "preset or file").get(name, {})
     if not isinstance(table, dict):
         raise BadInput(f"{source}: {name} must be a table: write [{name}]")
-    check_keys(f"{source}: {name}", table, kinds)
-    return validated(f"{source}: {name}", table, kinds)
+    return checked(f"{source}: {name}", table, kinds) if table else {}
 
 
 def preset_or_file(source: str) -> tuple[str, dict[str, Value]]:
@@ -156,10 +155,8 @@ def _number(name: str, text: str) -> float:
 
 def design_table(name: str, table: dict[str, Any]) -> tuple[str, dict[str, Value]]:
     """Return the name of the base preset, and the fields that a design's table states."""
-    kinds: dict[str, Any] = {"base": str, **_KINDS}
     fields = {key: value for key, value in table.items() if key not in BESIDE}
-    check_keys(name, fields, kinds)
-    values = validated(name, fields, kinds)
+    values = checked(name, fields, {"base": str, **_KINDS})
     base = values.pop("base", "paper")
     if base not in PRESETS:
         raise BadInput(f"{name}: there is no preset {base!r} to be the base: {nearest(base, PRESETS)}")
@@ -174,30 +171,11 @@ def check_keys(name: str, keys: Iterable[str], valid: Iterable[str]) -> None:
             raise BadInput(f"{name}: there is no key {key!r}: {nearest(key, valid)}")
 
 
-def validated(name: str, table: Mapping[str, Any], kinds: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the values of a table after a strict check of their types; the first wrong value raises BadInput."""
-    import pydantic
+def checked(name: str, table: Mapping[str, Any], kinds: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the values of a table with optional keys of these kinds; the first wrong one raises BadInput."""
+    from studies.inputs import file_models
 
-    config = pydantic.ConfigDict(strict=True, extra="forbid", allow_inf_nan=False)
-    fields: dict[str, Any] = {key: (kind, None) for key, kind in kinds.items()}
-    model = pydantic.create_model("Table", __config__=config, **fields)
-    try:
-        return dict(model.model_validate(dict(table)).model_dump(exclude_unset=True))
-    except pydantic.ValidationError as error:
-        first = error.errors()[0]
-    path = [str(part) for part in first["loc"] if not str(part).startswith(("dict[", "list["))]
-    key = path[0] if path[0] != "axes" or len(path) == 1 else f"axis {path[1]}"
-    wanted = {
-        "float_type": "a number",
-        "finite_number": "a finite number",
-        "int_type": "a whole number",
-        "bool_type": "true or false",
-        "list_type": "a list of numbers",
-        "dict_type": "a table",
-        "string_type": "a string",
-        "literal_error": first.get("ctx", {}).get("expected", ""),
-    }.get(first["type"], first["msg"])
-    raise BadInput(f"{name}: {key} must be {wanted}; got {first['input']!r:.60}")
+    return file_models.read(name, table, file_models.model_of(kinds)).stated()
 
 
 def toml_table(path: str, what: str) -> dict[str, Any]:
@@ -245,58 +223,3 @@ def design_text(design: Design) -> str:
     law = "yeoh"
     """
     return "\n".join(toml({"base": "paper", **changed_fields(design)})) + "\n"
-
-
-# Numbers with units
-
-
-UNITS: dict[str, dict[str, float]] = {
-    "N": {"N": 1.0, "mN": 1e-3, "kN": 1e3},
-    "mm": {"mm": 1.0, "um": 1e-3, "µm": 1e-3, "cm": 10.0, "m": 1000.0},
-    "MPa": {"MPa": 1.0, "kPa": 1e-3, "Pa": 1e-6},
-    "Hz": {"Hz": 1.0, "kHz": 1e3},
-    "mm/s": {"mm/s": 1.0, "m/s": 1000.0},
-    "T": {"T": 1.0, "mT": 1e-3, "uT": 1e-6, "µT": 1e-6, "nT": 1e-9, "kG": 0.1, "G": 1e-4},
-    "V": {"V": 1.0, "mV": 1e-3, "uV": 1e-6, "µV": 1e-6},
-    "V/T": {"V/T": 1.0, "mV/mT": 1.0, "mV/G": 10.0},
-    "T/sqrt(Hz)": {"T/sqrt(Hz)": 1.0, "nT/sqrt(Hz)": 1e-9, "uT/sqrt(Hz)": 1e-6, "µT/sqrt(Hz)": 1e-6},
-    "kg/m3": {"kg/m3": 1.0, "g/cm3": 1000.0},
-    "C": {"C": 1.0, "°C": 1.0},
-    "1/K": {"1/K": 1.0, "%/K": 0.01, "ppm/K": 1e-6},
-    "h": {"h": 1.0, "min": 1 / 60},
-    "1": {"%": 0.01},
-}
-"""Units that may be written, by the unit that magtip uses; each with its factor. Unit "1" is that of pure numbers."""
-_TEXT = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)(.*)")
-
-
-def quantity(name: str, value: object, unit: str, low: float = -math.inf, high: float = math.inf) -> float:
-    """Return a value in `unit`, from a number in that unit, or from a text with a number and a unit.
-
-    Parameters
-    ----------
-    unit : one of the keys of `UNITS`; with "1" a number is a fraction, and a text may be in %.
-    low, high : least and largest value in `unit`, both allowed.
-
-    >>> quantity("resolution_z", "5 mN", "N"), quantity("largest_strain", "40 %", "1")
-    (0.005, 0.4)
-    """
-    number, factor = math.nan, 1.0
-    if isinstance(value, (int, float)) and not isinstance(value, bool):
-        number = float(value)
-    elif isinstance(value, str) and (match := _TEXT.fullmatch(value.strip())):
-        known, named = {"": 1.0, **UNITS[unit]}, match[2].strip()
-        if named not in known:
-            raise BadInput(f"{name}: {named!r:.40} is no unit for it: {nearest(named[:40], UNITS[unit])}")
-        number, factor = float(match[1]), known[named]
-    pure = unit == "1"
-    if not math.isfinite(number):
-        kind = 'a number, such as 0.4 or "40 %"' if pure else f'a number in {unit}, such as 5 or "5 {unit}"'
-        raise BadInput(f"{name} must be {kind}; got {value!r:.60}")
-    # decimal prefixes must not leave rounding in the last digit: 5 * 1e-3 is 0.005, as 5 / 1000 is
-    result = number / round(1 / factor) if factor < 1 else number * factor
-    if not low <= result <= high:
-        bound = f"lie between {low:g} and {high:g}" if math.isfinite(high) else f"be at least {low:g}"
-        hint, after = ': write 40 % as 0.4 or "40 %"' if pure and result > high else "", "" if pure else f" {unit}"
-        raise BadInput(f"{name} must {bound}{after}; got {result:g}{after}{hint}")
-    return result

@@ -21,7 +21,8 @@ from geometry.base import Base
 from geometry.design import BadInput, Design
 from geometry.fabrication.printability import PROCESSES
 from geometry.hall_chips import CIRCLES
-from studies.inputs.user_input import check_keys, fabrication_of, quantity, table_beside, toml_table, validated
+from studies.inputs.units import quantity
+from studies.inputs.user_input import check_keys, checked, fabrication_of, table_beside, toml_table
 from studies.output.literals import literal
 
 EXAMPLE = Path(__file__).with_name("requirements_example.toml").read_text("utf-8")
@@ -266,9 +267,7 @@ def design_table(needed: Requirements | None) -> str:
 
 def read_requirements(path: str) -> Requirements:
     """Read the requirements in a TOML file; catalogues are relative to the file's folder."""
-    table = toml_table(path, "file")
-    check_keys(path, table, KINDS)
-    return _of_values(path, path, validated(path, table, KINDS))
+    return _of_values(path, path, checked(path, toml_table(path, "file"), KINDS))
 
 
 def stated_requirements(source: str) -> Requirements | None:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from geometry.arrays import Array
 from geometry.bad_input import closest
 from geometry.design import SILICONE_E, BadInput
-from studies.inputs import table_input
+from studies.inputs import table_input, units
 
 Kind = Literal["uniaxial", "relaxation", "dynamic"]
 STRETCH = {"stretch": (0.0, 1.0), "strain": (1.0, 1.0), "strain_percent": (1.0, 0.01)}
@@ -29,7 +29,7 @@ SAME_WORD = {"strain": "strain_percent", "strain_percent": "strain"}
 
 
 def _in_units(*names: str, of: str = "MPa") -> dict[str, float]:
-    return {f"{name}_{unit}": size for name in names for unit, size in table_input.UNITS[of].items()}
+    return {f"{name}_{unit}": size for name in names for unit, size in units.IN_HEADS[of].items()}
 
 
 STRESS = _in_units("nominal_stress")

@@ -13,7 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from geometry.design import BadInput
-from studies.inputs.user_input import quantity, toml_table
+from studies.inputs.units import quantity
+from studies.inputs.user_input import toml_table
 from studies.output.bounded_files import json_object
 
 DATA = Path(__file__).with_name("published_sensors.toml")

@@ -34,7 +34,7 @@ from analytic.time_series import RelaxingForce
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from studies.inputs.option_groups import Decoding, Streaming
-from studies.inputs.table_input import UNITS
+from studies.inputs.units import IN_HEADS
 from studies.inputs.user_input import parse_numbers
 from studies.output import atomic_files, console, text_tables
 from studies.output.result import Result
@@ -349,9 +349,9 @@ def reader(design: Design, options: Streaming) -> Callable[[Sequence[float]], tu
     unit, factor = elements[0].unit, 1e-6
     if options.frames == "lines":
         units = options.units or unit
-        if units not in UNITS[unit]:
-            raise BadInput(f"--units {units} is no unit of these elements: choose one of {', '.join(UNITS[unit])}")
-        factor = UNITS[unit][units]
+        if units not in IN_HEADS[unit]:
+            raise BadInput(f"--units {units} is no unit of these elements: choose one of {', '.join(IN_HEADS[unit])}")
+        factor = IN_HEADS[unit][units]
         if options.axes is None:
             return lambda numbers: tuple(factor * value for value in numbers[: len(elements)])
     if unit != "T":
