@@ -165,8 +165,7 @@ def advance(tangent: KeptTangent, state: ViscousState, position: Array, dt: floa
             tangent.drop()
         # the step before, of the same motion, had nearly this tangent
         near = bool(state.past) and (keeps or plate.friction is not None)
-        kept = tangent if near else None
-        answer = find_equilibrium(tangent.solver, stepped, guess, plate, pressed, tangent=kept)
+        answer = find_equilibrium(tangent, stepped, guess, plate, pressed, keeps_long=near)
         iterations += answer.iterations
         if answer.converged:
             break

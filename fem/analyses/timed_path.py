@@ -39,7 +39,7 @@ from fem.scene import Model, Scene
 from fem.solution import Solution
 from fem.solve import load_increments
 from fem.solve.active_set import KeptTangent
-from fem.solve.direct_solver import STABLE, UNKNOWN, Solver
+from fem.solve.direct_solver import STABLE, UNKNOWN
 from fem.solve.load_case_models import path_models
 from fem.solve.load_increments import Reached, find_equilibrium, path_at
 from fem.solve.load_stepping import Path
@@ -279,7 +279,7 @@ class TimedPath:
         pressed = tuple(load for load in scene.loads if load.depth == deepest)
         sheared = (load if load.bonds_contact else replace(load, depth=deepest) for load in scene.loads)
         models = path_models(replace(scene, loads=(*pressed, *(load for load in sheared if load.shears_tip))))
-        self.scene, self._control, self._tangent = scene, control, KeptTangent(Solver())
+        self.scene, self._control, self._tangent = scene, control, KeptTangent()
         # it supplies the models and takes no increments
         self._path = Path(replace(models, predictor=None, kappa=control.kappa))
         rest, depth = self._path.rest, deepest / scene.design.D
@@ -300,7 +300,7 @@ class TimedPath:
         after = self._path.begin_shear(state.path)
         self._tangent.drop()
         if after.d is not state.path.d:
-            self._tangent = KeptTangent(Solver())
+            self._tangent = KeptTangent()
         return time_steps.raised(state, after)
 
     def margin(self, state: PathState) -> StabilityMargin:
@@ -314,7 +314,7 @@ class TimedPath:
             return unknown
         if depth <= self._stable_to:
             return replace(unknown, stability=STABLE)
-        slow = find_equilibrium(Solver(), state, state.q, state.plate)
+        slow = find_equilibrium(KeptTangent(), state, state.q, state.plate)
         if not slow.converged:
             return unknown
         margin = self._sideways.margin(path_at(state, slow, state.position, state.plate))

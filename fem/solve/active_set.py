@@ -20,7 +20,7 @@ them. All systems of equations have the size of S.
 
 With friction the tangential springs depend on the pressure; plain steps are then taken.
 
-The tangent may be that of an earlier iterate, or of an earlier step of a path. Its springs are those of other points
+The tangent may be that of an earlier iterate, or of an earlier state of a path. Its springs are those of other points
 then: the residual is written with the springs of the tangent, and the contact of the whole step is settled about it.
 """
 
@@ -44,6 +44,9 @@ not reduce their number before one point at a time is exchanged."""
 UNDAMPED = 6
 """Full steps of Newton's method before steps that do not halve the residual are compared with shorter ones. In the
 first steps the contact still changes, and a residual that grows once is no sign of divergence."""
+AT_STATE, NEAR_GUESS = 1e-4, 0.1
+"""Largest differences of displacements, over the largest one, between the state of a tangent and one whose stability
+it tells, if both have the same contact; and a first guess from which it serves for a step."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,20 +77,38 @@ class Switches:
 
 @dataclass(slots=True)
 class KeptTangent:
-    """A solver with a factorised tangent, which steps of a path that change little may keep.
+    """A solver with a factorised tangent, which states of a path that change little may keep.
 
+    displacements, plate : those of the state that it is of; None without one.
     pressed : (k, q) mask of the points whose springs the tangent has; None without one.
     switches : other points, with their compliance by this tangent.
     stability : that of the tangent.
     """
 
-    solver: Solver
+    solver: Solver = field(default_factory=Solver)
+    displacements: Array | None = None
+    plate: Plate | None = None
     pressed: Mask | None = None
     switches: Switches = field(default_factory=Switches)
     stability: Stability = UNKNOWN
 
     def drop(self) -> None:
-        self.pressed, self.switches, self.stability = None, Switches(), UNKNOWN
+        self.displacements, self.plate, self.pressed = None, None, None
+        self.switches, self.stability = Switches(), UNKNOWN
+
+    def is_within(self, share: float, displacements: Array) -> bool:
+        """Return whether it is that of a state with nearly these displacements, up to a share of the largest one."""
+        own = self.displacements
+        if own is None or own.shape != displacements.shape:
+            return False
+        return bool(np.abs(own - displacements).max() <= share * np.abs(displacements).max())
+
+    def is_near(self, guess: State, plate: Plate) -> bool:
+        """Return whether it serves for a step from a first guess, under a plate that has moved sideways at most."""
+        last = self.plate
+        if last is None or last.friction is not None or last.bond is not plate.bond:
+            return False
+        return last.stiffness == plate.stiffness and self.is_within(NEAR_GUESS, guess.u)
 
 
 class ActiveSet:
@@ -95,19 +116,18 @@ class ActiveSet:
 
     Coulomb friction without it being condensed (tetrahedra) takes plain steps.
 
-    tangent : solver with the tangent of an earlier step, or with nothing.
+    tangent : solver with the tangent of an earlier state near the first guess, which serves for the first step, or
+        with nothing. A tangent serves only if it is known to have no unstable direction: a body that lost its
+        stability meanwhile would not converge with it along that direction.
     plate, pressed : see `fem.solve.newton.newton`.
-    keeps_long : whether the tangent of an earlier step may serve, and is kept for long. A tangent is kept only if it
-        is known to have no unstable direction: a body that lost its stability meanwhile would not converge with it
-        along that direction.
+    keeps_long : whether the tangent of an earlier state is kept for long.
     """
 
     def __init__(
         self, system: System, tangent: KeptTangent, plate: Plate | None, pressed: Mask | None, *, keeps_long: bool
     ) -> None:
         self.system, self._tangent, self._plate, self._first = system, tangent, plate, pressed
-        self._keeps_long, self._fresh = keeps_long, False
-        self._factorised: Array | None = None
+        self._keeps_long, self._has_tangent = keeps_long, tangent.stability.is_stable
 
     @property
     def stability(self) -> Stability:
@@ -127,7 +147,7 @@ class ActiveSet:
     def knows(self, state: State) -> bool:
         """Return whether a factorisation serves for a step from a state."""
         del state
-        return self._fresh or (self.keeps and self._tangent.pressed is not None)
+        return self._has_tangent
 
     def assemble(self, state: State, *, tangent: bool) -> Assembly:
         plate, chosen = self._plate, self._first
@@ -139,18 +159,17 @@ class ActiveSet:
         """Return whether the contact in the residual is that of the state itself."""
         self._plate, held = plate_contact.hold_reversing_points(self.system.surface, state.u, self._plate)
         # an iterate whose contact points were only a guess cannot be the solution yet
-        return not held and (self._first is None or self._fresh or self.knows(state))
+        return not held and (self._first is None or self._has_tangent)
 
     def factorise(self, state: State, assembly: Assembly) -> None:
         tangent, system = self._tangent, self.system
         tangent.drop()
-        self._factorised = state.q
         tangent.solver.factorise(assembly.tangent, symmetric=assembly.symmetric, single=True)
         tangent.stability = tangent.solver.stability(system.n_pressure)
-        tangent.pressed = self._first
+        tangent.displacements, tangent.plate, tangent.pressed = state.u, self._plate, self._first
         if self._first is None and self._plate is not None and system.surface is not None:
             tangent.pressed = plate_contact.overlap(system.surface, state.u, self._plate) > 0
-        self._fresh = True
+        self._has_tangent = True
 
     def step(self, state: State, assembly: Assembly) -> Array:
         tangent, plate, residual, system = self._tangent, self._plate, assembly.residual, self.system
@@ -163,14 +182,26 @@ class ActiveSet:
         return settle_contact(system, tangent, state, step, plate)
 
     def final_stability(self, state: State, assembly: Assembly | None = None, *, passed: bool = False) -> Stability:
-        here = self._factorised is not None and self._factorised is state.q
         # a tangent that steps in time keep is not replaced by that of each state, and a state that is only passed
         # needs no verdict of its own: both are asked again only where they know nothing or seem unstable
         serves = self.knows(state) and (passed or self.keeps) and not self.stability.is_unstable
-        if not here and not serves:
+        if not serves and not self._is_of(state):
             known = assembly if assembly is not None and assembly.matrix is not None else None
             self.factorise(state, known or self.assemble(state, tangent=True))
         return self.stability
+
+    def _is_of(self, state: State) -> bool:
+        """Return whether the tangent tells the stability of a state: one that is stable is that of all close by."""
+        tangent, plate = self._tangent, self._plate
+        if tangent.displacements is state.u or not tangent.stability.is_stable:
+            return tangent.displacements is state.u
+        if not tangent.is_within(AT_STATE, state.u):
+            return False
+        if plate is None or tangent.pressed is None:
+            return True
+        tied = False if plate.bond is None else plate.bond.tied
+        here = plate_contact.overlap(self.system.skin, state.u, plate) > 0
+        return np.array_equal(here | tied, tangent.pressed | tied)
 
     def _with_springs_of_tangent(self, state: State, residual: Array) -> Array:
         """Return a residual with the springs of the points whose springs the tangent has."""

@@ -20,10 +20,9 @@ import numpy as np
 
 from fem.model import coulomb_friction, plate_contact
 from fem.model.plate_contact import Plate
-from fem.solve.active_set import KeptTangent
+from fem.solve.active_set import ActiveSet, KeptTangent
 from fem.solve.condensed_friction import CondensedFriction
-from fem.solve.direct_solver import Solver
-from fem.solve.newton import TOLERANCE, Equilibrium, Stop, iterate, newton
+from fem.solve.newton import TOLERANCE, Equilibrium, Stop, iterate
 from fem.solve.path_state import PastState, PathState
 from geometry.arrays import Array, Mask
 
@@ -144,7 +143,12 @@ def march_in_increments(
 
 
 def follow_segment(
-    solver: Solver, state: PathState, goal: Array, tolerance: float = TOLERANCE, *, friction_step_factor: float = 1.0
+    tangent: KeptTangent,
+    state: PathState,
+    goal: Array,
+    tolerance: float = TOLERANCE,
+    *,
+    friction_step_factor: float = 1.0,
 ) -> Reached[PathState]:
     """Move in a straight line to a position (3,) in increments.
 
@@ -161,7 +165,7 @@ def follow_segment(
         position = goal if target == 1 else start + target * (goal - start)
         # with friction every state is solved fully, as the history keeps its error
         allowed = TOLERANCE if state.friction is not None else tolerance if target == 1 else PASSED_TOLERANCE
-        return apply_increment(solver, state, position, allowed, accept=step * length <= LONGEST_DOUBTFUL)
+        return apply_increment(tangent, state, position, allowed, accept=step * length <= LONGEST_DOUBTFUL)
 
     state = turn(state, (goal - start) / length)
     for after in march_in_increments(state, longest, SHORTEST * min(1.0, 1 / length), increment):
@@ -169,14 +173,14 @@ def follow_segment(
     if not reached.stop or state.friction is not None:
         return reached
     # the last state was only passed
-    state, answer = reached.state, find_equilibrium(solver, reached.state, reached.state.q, reached.state.plate)
+    state, answer = reached.state, find_equilibrium(tangent, reached.state, reached.state.q, reached.state.plate)
     if answer.converged:
         state = replace(state, q=answer.state.q, energy=answer.assembly.energy, least_J=answer.state.least_J)
     return Reached(state, reached.stop, reached.iterations + answer.iterations)
 
 
 def apply_increment(
-    solver: Solver, state: PathState, position: Array, tolerance: float, *, accept: bool
+    tangent: KeptTangent, state: PathState, position: Array, tolerance: float, *, accept: bool
 ) -> Reached[PathState]:
     """Move to a position (3,) in one increment.
 
@@ -189,7 +193,7 @@ def apply_increment(
         )
         plate = replace(plate, friction=coulomb_friction.expect_motion(state.friction, moved))
     expected = extrapolate_contact(state, position)
-    answer = find_equilibrium(solver, state, guess, plate, expected, tolerance)
+    answer = find_equilibrium(tangent, state, guess, plate, expected, tolerance)
     # an increment that is the first to be unstable or crushed may have jumped to another branch
     crushed = answer.state.least_J < CRUSHED <= state.least_J
     first = answer.stability.is_unstable and not state.stability.is_unstable
@@ -199,7 +203,7 @@ def apply_increment(
         return Reached(replace(state, past=(), smooth=False), answer.reason or "no_convergence", answer.iterations)
     onset, more = state.onset, 0
     if first and onset is None:
-        onset, more = _bracket_onset(solver, replace(state, friction=plate.friction), answer, position)
+        onset, more = _bracket_onset(tangent, replace(state, friction=plate.friction), answer, position)
     after = replace(_accept(state, answer, position, plate), onset=onset)
     return Reached(after, "", answer.iterations + more)
 
@@ -253,35 +257,39 @@ def turns_over(state: PathState, position: Array, u: Array) -> bool:
 
 
 def find_equilibrium(
-    solver: Solver,
+    tangent: KeptTangent,
     state: PathState,
     guess: Array,
     plate: Plate,
     pressed: Mask | None = None,
     tolerance: float = TOLERANCE,
     *,
-    tangent: KeptTangent | None = None,
+    keeps_long: bool = False,
 ) -> Equilibrium:
     """Solve for the equilibrium from a first guess; on sections Coulomb friction is settled within each step.
 
-    tangent : that of an earlier step near this one, see `fem.solve.newton.newton`; friction keeps the stiffness that
-        the solver condensed.
+    tangent : of the model; that of an earlier state serves for the first step where it is near the guess.
+    keeps_long : keep the tangent of an earlier step for long; friction keeps the stiffness that the solver condensed.
     """
     system = state.d.system
     if plate.friction is not None and state.d.revolved:
-        contact = CondensedFriction(system, solver, plate, pressed, keeps_long=tangent is not None)
-        answer = iterate(contact, guess, tolerance=tolerance)
+        settled = CondensedFriction(system, tangent.solver, plate, pressed, keeps_long=keeps_long)
+        answer = iterate(settled, guess, tolerance=tolerance)
         # plain steps are damped, and reach some states that settled steps do not
         if answer.converged:
             return answer
-        tangent = None
+        keeps_long = False
+    if not keeps_long and not tangent.is_near(system.state(guess), plate):
+        tangent.drop()
     # a dead load selects the side to which a press buckles, which an error of the last step must not do
-    confirm = bool(system.dead.any())
-    answer = newton(system, solver, guess, plate, pressed, tolerance=tolerance, confirm=confirm, tangent=tangent)
-    if tangent is None or answer.converged:
+    confirm, starts_anew = bool(system.dead.any()), not tangent.stability.is_stable
+    contact = ActiveSet(system, tangent, plate, pressed, keeps_long=keeps_long)
+    answer = iterate(contact, guess, tolerance=tolerance, confirm=confirm)
+    if starts_anew or answer.converged:
         return answer
     tangent.drop()
-    return newton(system, solver, guess, plate, pressed, tolerance=tolerance, confirm=confirm)
+    contact = ActiveSet(system, tangent, plate, pressed, keeps_long=False)
+    return iterate(contact, guess, tolerance=tolerance, confirm=confirm)
 
 
 def path_at(state: PathState, answer: Equilibrium, position: Array, plate: Plate) -> PathState:
@@ -333,13 +341,13 @@ def longest_increment(state: PathState, start: Array, goal: Array, friction_step
 
 
 def _bracket_onset(
-    solver: Solver, state: PathState, answer: Equilibrium, position: Array
+    tangent: KeptTangent, state: PathState, answer: Equilibrium, position: Array
 ) -> tuple[tuple[Array, Array], int]:
     """Return the positions between which the first unstable direction appeared, and Newton's iterations."""
     stable, unstable, q, iterations = state.position, position, state.q, 0
     for _ in range(ONSET_HALVINGS):
         middle = (stable + unstable) / 2
-        between = find_equilibrium(solver, state, (q + answer.state.q) / 2, state.plate_at(middle))
+        between = find_equilibrium(tangent, state, (q + answer.state.q) / 2, state.plate_at(middle))
         iterations += between.iterations
         if not between.converged or between.stability.is_unknown:
             break

@@ -24,19 +24,20 @@ from fem.model.plate_contact import SECTION_KAPPA
 from fem.model.symmetry_models import Discretisation, MeshSpecification, raise_harmonics
 from fem.results.silicone_limits import crease_ratio
 from fem.solution import CREASE
-from fem.solve.direct_solver import Solver
+from fem.solve.active_set import KeptTangent
 from fem.solve.load_increments import (
     CRUSHED,
     LONGEST,
     PASSED_TOLERANCE,
     Reached,
     apply_increment,
+    find_equilibrium,
     follow_segment,
     path_at,
     turn,
     turns_over,
 )
-from fem.solve.newton import TOLERANCE, newton
+from fem.solve.newton import TOLERANCE
 from fem.solve.path_state import PastState, PathState, at_rest, glue, with_harmonics, with_predictor
 from geometry.arrays import Array
 
@@ -90,7 +91,7 @@ class Path:
         self._models = models
         self.rest = at_rest(models.first.build(), models.grip, models.tilt, models.mu, models.kappa)
         # one solver for each model and one for the predictor: each keeps the symbolic factorisation of its pattern
-        self._solvers, self._reduced_solver = {self.rest.d.model: Solver()}, Solver()
+        self._tangents, self._predicting = {self.rest.d.model: KeptTangent()}, KeptTangent()
         if models.predictor is not None and models.raised is None:
             self.rest = with_predictor(self.rest, models.predictor.build())
         self._passed = [self.rest]
@@ -121,14 +122,14 @@ class Path:
         Otherwise it starts from rest: beyond an instability or a crease a press has several equilibria, and from rest
         it reaches one that no other depth of its list decides. So it does where it stops.
         """
-        solver, goal, ahead = self._solvers[state.d.model], np.array([depth, 0.0, 0.0]), depth - state.position[0]
+        tangent, goal, ahead = self._tangents[state.d.model], np.array([depth, 0.0, 0.0]), depth - state.position[0]
         iterations = 0
         if abs(ahead) < min(depth, LONGEST) and (state is self._known_sound or _is_sound(state)):
             # the contact changes point by point: a parabola through three presses takes 4 to 12 % more iterations
             # than the line through two
             line = replace(state, past=state.past[-1:])
             here = turn(line, np.array([math.copysign(1.0, ahead), 0.0, 0.0]))
-            followed = apply_increment(solver, here, goal, self._models.tolerance, accept=False)
+            followed = apply_increment(tangent, here, goal, self._models.tolerance, accept=False)
             if not followed.stop and _is_sound(followed.state):
                 self._known_sound = followed.state
                 return followed
@@ -137,7 +138,7 @@ class Path:
         iterations += passed.iterations
         if passed.stop:
             return replace(passed, iterations=iterations)
-        reached = follow_segment(solver, passed.state, goal, self._models.tolerance)
+        reached = follow_segment(tangent, passed.state, goal, self._models.tolerance)
         after = replace(reached.state, smooth=reached.state.smooth and _is_sound(passed.state))
         return replace(reached, state=after, iterations=iterations + reached.iterations)
 
@@ -149,7 +150,7 @@ class Path:
         iterations, count = 0, max(math.ceil(depth / LONGEST - 1.001), 0)
         while len(self._passed) <= count:
             goal = np.array([len(self._passed) * LONGEST, 0.0, 0.0])
-            reached = follow_segment(self._solvers[self.rest.d.model], self._passed[-1], goal, PASSED_TOLERANCE)
+            reached = follow_segment(self._tangents[self.rest.d.model], self._passed[-1], goal, PASSED_TOLERANCE)
             iterations += reached.iterations
             if reached.stop:
                 return replace(reached, iterations=iterations)
@@ -180,11 +181,11 @@ class Path:
         possible."""
         if np.array_equal(goal, state.position):
             return Reached(state, "", 0)
-        solver = self._solvers.setdefault(state.d.model, Solver())
-        state, before = predict(solver, self._reduced_solver, state, goal)
+        tangent = self._tangents.setdefault(state.d.model, KeptTangent())
+        state, before = predict(tangent, self._predicting, state, goal)
         # returns at once if the prediction has reached the goal
         tolerance, factor = self._models.tolerance, self._models.friction_step_factor
-        reached = follow_segment(solver, state, goal, tolerance, friction_step_factor=factor)
+        reached = follow_segment(tangent, state, goal, tolerance, friction_step_factor=factor)
         return replace(reached, iterations=before + reached.iterations)
 
 
@@ -194,7 +195,7 @@ def _is_sound(state: PathState) -> bool:
     return ratio is not None and ratio < CREASE
 
 
-def predict(solver: Solver, reduced_solver: Solver, state: PathState, goal: Array) -> tuple[PathState, int]:
+def predict(tangent: KeptTangent, predicting: KeptTangent, state: PathState, goal: Array) -> tuple[PathState, int]:
     """Move to a position (3,) by correcting a prediction; return the state and Newton's iterations of both models.
 
     It is the present state, with the predictor moved, where that fails.
@@ -207,7 +208,7 @@ def predict(solver: Solver, reduced_solver: Solver, state: PathState, goal: Arra
     added = state.q - raise_harmonics(low, high, before.q)
     if before.bond is None:
         before = replace(before, bond=state.bond)
-    ahead = follow_segment(reduced_solver, before, goal, PASSED_TOLERANCE)
+    ahead = follow_segment(predicting, before, goal, PASSED_TOLERANCE)
     state = replace(state, reduced=ahead.state)
     if ahead.stop:
         return state, ahead.iterations
@@ -218,7 +219,7 @@ def predict(solver: Solver, reduced_solver: Solver, state: PathState, goal: Arra
         if last is None:
             return state, ahead.iterations
         position, q = last.position, last.q
-    after, iterations = _correct(solver, state, added + raise_harmonics(low, high, q), position)
+    after, iterations = _correct(tangent, state, added + raise_harmonics(low, high, q), position)
     return after, ahead.iterations + iterations
 
 
@@ -230,16 +231,14 @@ def _last_before_onset(state: PathState) -> PastState | None:
     return last if (state.onset[0] - last.position) @ along >= 0 else None
 
 
-def _correct(solver: Solver, state: PathState, guess: Array, goal: Array) -> tuple[PathState, int]:
+def _correct(tangent: KeptTangent, state: PathState, guess: Array, goal: Array) -> tuple[PathState, int]:
     """Return the state at a position (3,) from a first guess, or the present one where that fails or is on another
     branch; and Newton's iterations.
     """
     plate, system = state.plate_at(goal), state.d.system
     close = CLOSE * min(float(np.linalg.norm(goal[1:] - state.position[1:])), float(goal[0]))
     pressed = None if state.grip else plate_contact.overlap(state.skin, system.state(guess).u, plate) > -close
-    # as in increments, a dead load selects the branch
-    confirm = bool(system.dead.any())
-    answer = newton(system, solver, guess, plate, pressed, confirm=confirm)
+    answer = find_equilibrium(tangent, state, guess, plate, pressed)
     crushed = answer.state.least_J < CRUSHED
     sound = answer.stability == state.stability and crushed == (state.least_J < CRUSHED)
     if not answer.converged or not sound or turns_over(state, goal, answer.state.u):

@@ -87,7 +87,6 @@ def newton(
     *,
     tolerance: float = TOLERANCE,
     confirm: bool = True,
-    tangent: KeptTangent | None = None,
 ) -> Equilibrium:
     """Solve residual(q) = 0 from a first guess with the active set of `fem.solve.active_set`.
 
@@ -98,9 +97,8 @@ def newton(
     pressed : (k, q) points that are in contact in the first iteration; default: those with a positive overlap. A
         guess that overlaps the plate slightly would otherwise activate many springs, which each step then has to
         settle.
-    tangent : that of an earlier step, for steps of a path that change little; its solver is used.
     """
-    contact = ActiveSet(system, tangent or KeptTangent(solver), plate, pressed, keeps_long=tangent is not None)
+    contact = ActiveSet(system, KeptTangent(solver), plate, pressed, keeps_long=False)
     return iterate(contact, q, tolerance=tolerance, confirm=confirm)
 
 
@@ -109,8 +107,8 @@ def iterate(contact: Contact, q: Array, *, tolerance: float = TOLERANCE, confirm
 
     It has converged when the residual forces are below `tolerance` times the reactions, and the residual volumes
     below `tolerance` times the largest displacement (times the unit area: lengths are over D). The stability is then
-    that of the returned state; a state that is only passed, with a tolerance above TOLERANCE, has that of the last
-    tangent unless this has unstable directions.
+    that of the returned state (`ActiveSet.final_stability`); a state that is only passed, with a tolerance above
+    TOLERANCE, has that of the last tangent unless this has unstable directions.
 
     q : (n,) first guess.
     tolerance : see above.
