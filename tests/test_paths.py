@@ -154,13 +154,13 @@ def test_a_body_that_turns_tilts_by_that_angle(model):
 
 def test_a_shear_that_a_stopped_press_never_began_is_not_in_its_load(monkeypatch):
     """The plate is glued after the press: a press that stops leaves the tip where the shear is 0."""
-    real = load_increments.newton
+    real = load_increments.find_equilibrium
 
-    def stubborn(system, solver, q, plate, *more, **options):
-        answer = real(system, solver, q, plate, *more, **options)
+    def stubborn(tangent, state, guess, plate, *more, **options):
+        answer = real(tangent, state, guess, plate, *more, **options)
         return answer if plate.height is None or plate.height > 1.1 else replace(answer, reason="no_convergence")
 
-    monkeypatch.setattr(load_increments, "newton", stubborn)
+    monkeypatch.setattr(load_increments, "find_equilibrium", stubborn)
     load = Load(depth=1.0, shear_x=0.5, friction="stick")
     (state,) = trace(paper(), [load], QUICK, magnet="ignored", estimate=False)
     assert (state.status, state.load.shear_x) == ("not_converged", 0.0)

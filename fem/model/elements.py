@@ -86,8 +86,14 @@ class Surface:
 
     def displacement(self, u: Array) -> Array:
         """Return the displacements of the points, shape (k, q, 3), for nodal fields (n, fields)."""
-        values = u.take(self.nodes, axis=0).reshape(len(self.nodes), len(self.spread))
-        return np.asarray((values @ self.spread).reshape(self.points.shape))
+        # those of one state are read several times
+        last = self.__dict__.get("_last")
+        if last is None or last[0] is not u:
+            values = u.take(self.nodes, axis=0).reshape(len(self.nodes), len(self.spread))
+            last = u, read_only(np.asarray((values @ self.spread).reshape(self.points.shape)))
+            if not u.flags.writeable:
+                self.__dict__["_last"] = last
+        return last[1]
 
     @functools.cached_property
     def radii(self) -> Array:
@@ -130,6 +136,18 @@ class Surface:
         matrices = np.zeros((k, f, fields, f, fields))
         matrices[touched] = along.reshape(-1, f, f, fields, fields).transpose(0, 1, 3, 2, 4)
         return matrices
+
+    @functools.cached_property
+    def _places(self) -> Ints:
+        """Positions of the fields (k, f, fields) of the facets' nodes among those of all nodes."""
+        fields = self.E.shape[2]
+        return np.asarray(fields * self.nodes[..., None] + np.arange(fields)).ravel()
+
+    def add_up(self, forces: Array, count: int) -> Array:
+        """Return the sum (count, fields) at all nodes of forces (k, f, fields) on the nodes of each facet."""
+        fields = self.E.shape[2]
+        sums = np.bincount(self._places, weights=forces.ravel(), minlength=count * fields)
+        return np.asarray(sums, dtype=np.float64).reshape(count, fields)
 
     def forces(self, traction: Array) -> Array:
         """Return the nodal forces (k, f, fields) of tractions (k, q, 3)."""

@@ -59,7 +59,8 @@ class Assembly:
     """Residual, energy and tangent at a state; `forces` are the nodal ones before elimination.
 
     The tangent is the upper triangle of a symmetric matrix, or the whole unsymmetric matrix where the contact slips.
-    `without_plate` is the residual of the body alone, where the contact is condensed.
+    `pressed` are the points (k, q) whose springs act; `without_plate` is the residual of the body alone, where the
+    contact is condensed.
     """
 
     residual: Array
@@ -67,6 +68,7 @@ class Assembly:
     forces: Array
     matrix: sp.csr_matrix | None
     symmetric: bool = True
+    pressed: Mask | None = None
     without_plate: Array | None = None
 
     @property
@@ -120,6 +122,7 @@ class System:
         self.fixed = fixed
         self.dead = np.zeros(fixed.shape) if dead is None else dead
         self.prescribed, held = (np.zeros(fixed.shape), None) if prescribed is None else prescribed
+        self._undeformed = np.where(fixed, self.prescribed, 0.0)
         self.glued = NONE if magnet is None else magnet[0]
         self.rigid = None if magnet is None else magnet[1]
         self._last: State | None = None
@@ -163,7 +166,7 @@ class System:
         self._pressures = np.full(carried.shape, -1, dtype=np.int64)
         self._pressures[carried] = first + np.arange(self.n_pressure)
         self.size = first + self.n_pressure
-        self.free, self.eliminated, self._carried = free, used & ~free, carried
+        self.free, self.eliminated, self._carried = free, used & ~free, np.flatnonzero(carried)
 
     def _build_pattern(self) -> None:
         e, inner, nodes = self.elements, self._free_cells, len(self.elements.nodes)
@@ -183,7 +186,7 @@ class System:
             facets = self.surface.nodes
             groups.append((facets, facets))
             skin = self.unknown_numbers[facets].reshape(len(facets), facets.shape[1] * self.fixed.shape[1])
-        sizes = np.concatenate([self.free.sum(axis=1), [self.n_rigid], self._carried.sum(axis=1)])
+        sizes = np.concatenate([self.free.sum(axis=1), [self.n_rigid], (self._pressures >= 0).sum(axis=1)])
         self.pattern = Pattern(groups, sizes, skin)
 
     @property
@@ -198,12 +201,12 @@ class System:
         last = self._last
         if last is not None and last.q is q:
             return last
-        u = np.where(self.fixed, self.prescribed, 0.0)
+        u = self._undeformed.copy()
         u.ravel()[self._places] = q[: self.n_free]
         if self.rigid:
             u[self.glued] = self.prescribed[self.glued] + self.rigid.displacement(self.motion(q))
         p = self._held.copy()
-        p[self._carried] = q[self.n_free + self.n_rigid :]
+        p.ravel()[self._carried] = q[self.n_free + self.n_rigid :]
         for values in (q, u, p):
             values.flags.writeable = False
         self._last = state = State(q, u, p)
@@ -213,7 +216,8 @@ class System:
         """Return the system with other prescribed displacements (nodes, fields) and pressures (corners, n)."""
         _ = self._loops  # all copies share them
         system = copy.copy(self)
-        system.prescribed, system._held, system._last = u, np.where(self._carried, 0.0, p), None
+        system.prescribed, system._held, system._last = u, np.where(self._pressures >= 0, 0.0, p), None
+        system._undeformed = np.where(self.fixed, u, 0.0)
         return system
 
     def with_viscous(self, viscous: Overstress) -> System:
@@ -224,8 +228,11 @@ class System:
         return system
 
     def unknowns(self, u: Array, p: Array, motion: Array) -> Array:
-        """Return the unknowns of displacements, pressures and the magnet's motion: the inverse of `state`."""
-        return np.concatenate([u[self.free], motion, p[self._carried]])
+        """Return the unknowns of displacements, pressures and the magnet's motion: the inverse of `state`.
+
+        Or the residual, of forces and volumes.
+        """
+        return np.concatenate([u.take(self._places), motion, p.take(self._carried)])
 
     def motion(self, q: Array) -> Array:
         """Return the unknowns of the rigid magnet."""
@@ -237,25 +244,25 @@ class System:
             return None
         state = self.state(q)
         least = self._loops.least_volume_change(state.u)
-        return replace(state, least_J=1 + least) if least > -1 else None
+        return State(q, state.u, state.p, 1 + least) if least > -1 else None
 
     def assemble(self, state: State, plate: Plate | None, *, tangent: bool = True) -> Assembly:
         """Assemble the residual and, with `tangent`, the tangent at a state with all J > 0."""
         T = self._motion_derivative(state)
         energy, forces, volumes, data = self._loops.assemble(state.u, state.p, T, self.viscous, tangent=tangent)
-        nodal, blocks, symmetric = np.zeros(self.fixed.shape), None, True
+        blocks, symmetric, pressed = None, True, None
         energy -= float(np.vdot(self.dead, state.u))
+        forces -= self.dead
         if plate is not None and self.surface is not None:
             of_springs = plate_contact.assemble_springs(self.surface, state.u, plate, tangent=tangent)
-            springs, blocks, stored, symmetric = of_springs
-            np.add.at(nodal, self.surface.nodes, springs)
+            springs, blocks, stored, symmetric, pressed = of_springs
+            forces += self.surface.add_up(springs, len(forces))
             energy += stored
-        forces += nodal - self.dead
-        residual = np.concatenate([forces[self.free], np.zeros(self.n_rigid), volumes[self._carried]])
+        residual = self.unknowns(forces, volumes, np.zeros(self.n_rigid))
         if self.rigid:
             residual[self.n_free : self.n_free + self.n_rigid] = np.einsum("nf,nfr->r", forces, T)
         if not tangent:
-            return Assembly(residual, energy, forces, None)
+            return Assembly(residual, energy, forces, None, pressed=pressed)
         if self.rigid:
             # a finite rotation is nonlinear in its angles: forces on the magnet contribute to the tangent
             self._loops.add_motion(self.rigid.curvature(self.motion(state.q), forces[self.glued]), data)
@@ -264,7 +271,7 @@ class System:
         matrix = self.pattern.with_data(data)
         if not symmetric and blocks is not None:
             matrix = self.pattern.unfold(matrix, blocks)
-        return Assembly(residual, energy, forces, matrix, symmetric)
+        return Assembly(residual, energy, forces, matrix, symmetric, pressed)
 
     @functools.cached_property
     def _loops(self) -> ElementAssembly:

@@ -111,6 +111,8 @@ def overlap(surface: Surface, u: Array, plate: Plate) -> Array:
     """
     if plate.height is None:
         return np.full(surface.weights.shape, -np.inf)
+    if not plate.tilt:
+        return np.asarray(surface.points[..., 2] - plate.height + surface.displacement(u)[..., 2])
     n = plate.frame[2]
     rest = n[2] * (surface.points[..., 2] - plate.height) + n[0] * surface.points[..., 0]
     return np.asarray(rest + surface.displacement(u) @ n)
@@ -129,12 +131,14 @@ class Springs:
         per reference area.
     stiffness : its derivative in the plate's frame; unsymmetric where points slip.
     energy : stored in the springs, integrated over the skin.
+    pressed : (k, q) mask of the points with a spring along the normal, apart from tied ones.
     friction : tractions of Coulomb friction, or None.
     """
 
     traction: Array
     stiffness: Stiffness
     energy: float
+    pressed: Mask
     friction: FrictionTraction | None = None
 
 
@@ -142,9 +146,10 @@ def springs(surface: Surface, u: Array, plate: Plate) -> Springs:
     """Return the tractions of the plate's springs for nodal fields u."""
     residual, stiffness = np.zeros(surface.points.shape), Stiffness()
     en, bond, energy = plate.stiffness, plate.bond, 0.0
+    pressed = active = np.zeros(surface.weights.shape, dtype=bool)
     if plate.height is not None:
         g = overlap(surface, u, plate)
-        active = g > 0 if plate.pressed is None else plate.pressed
+        pressed = active = g > 0 if plate.pressed is None else plate.pressed
         # a glued point keeps the distance that it had when it was glued, and can be pulled
         if bond is not None and bond.gap is not None:
             active = active | bond.tied
@@ -169,7 +174,7 @@ def springs(surface: Surface, u: Array, plate: Plate) -> Springs:
         for i in range(2):
             stiffness[i, 2] = en * friction.by_pressure[..., i]
         energy += float(np.sum(surface.weights[..., None] * friction.traction**2) / (2 * et))
-    return Springs(residual @ plate.frame if plate.tilt else residual, stiffness, energy, friction)
+    return Springs(residual @ plate.frame if plate.tilt else residual, stiffness, energy, pressed, friction)
 
 
 def resultant(surface: Surface, u: Array, plate: Plate) -> Array:
@@ -204,7 +209,7 @@ def hold_reversing_points(surface: Surface | None, u: Array, plate: Plate | None
 
 def assemble_springs(
     surface: Surface, u: Array, plate: Plate, *, tangent: bool = True
-) -> tuple[Array, Array, float, bool]:
+) -> tuple[Array, Array, float, bool, Mask]:
     """Return the nodal forces, stiffness and energy of the springs of plate and base.
 
     The base z = 0 is wider than the beam, and frictionless where skin bulges below it. Without this contact the skin
@@ -216,6 +221,7 @@ def assemble_springs(
     stiffness : (k, f, fields, f, fields) matrices; empty without `tangent`.
     energy : stored in the springs.
     symmetric : whether the stiffness is symmetric.
+    pressed : see `Springs`.
     """
     plate_springs = springs(surface, u, plate)
     residual, stiffness, energy = plate_springs.traction, plate_springs.stiffness, plate_springs.energy
@@ -227,14 +233,14 @@ def assemble_springs(
         energy += float(np.sum(surface.weights * base**2) / (2 * plate.stiffness))
     forces = surface.forces(residual)
     if not tangent:
-        return forces, np.empty(0), energy, True
+        return forces, np.empty(0), energy, True, plate_springs.pressed
     blocks = surface.stiffness(stiffness, plate.frame)
     if below.any():
         blocks += surface.stiffness({(2, 2): np.where(below, plate.stiffness, 0.0)}, np.eye(3))
     slips = plate.friction is not None and not all(
         np.array_equal(C, stiffness.get((j, i), 0 * C)) for (i, j), C in stiffness.items()
     )
-    return forces, blocks, energy, not slips
+    return forces, blocks, energy, not slips, plate_springs.pressed
 
 
 def average_over_facets(surface: Surface, values: Array) -> Array:

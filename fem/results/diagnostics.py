@@ -103,7 +103,7 @@ def diagnose(
         sideways_stiffness_ratio=None if near is None else near.ratio,
         sideways_half_width=None if near is None else near.half_width,
         critical_depth=None if near is None or near.critical_depth is None else near.critical_depth * D,
-        crease_ratio=None if stop else silicone_limits.crease_ratio(state),
+        crease_ratio=None if stop else state.crease_ratio,
         largest_strain=silicone_limits.largest_strain(state.d.elements, u),
         harmonics_missing=scene.orders_needed(depth) - scene.harmonics_at(depth) if state.d.revolved else 0,
     )

@@ -28,11 +28,8 @@ from fem.model import elements
 from fem.model.elements import Elements
 from fem.model.material import Law, evaluate, neo_hookean, ogden, yeoh
 from fem.model.nonlinear_system import System
-from fem.solve.path_state import PathState
 from geometry.arrays import Array
 
-CLAMP = 0.02
-"""Height over D below which the skin is left out: its strain is singular at the clamp."""
 REACH = 1.1
 """Factor on the logarithmic strains of a state that has no next one: the next state would have had larger strains."""
 STEPS, BATCH = 200, 256
@@ -107,29 +104,6 @@ def find_loss(system: System, u: Array, reach: float = REACH) -> Array | None:
     line = np.linspace(0, 1, STEPS + 1)[:, None] * where
     first = int(np.argmax(least_stiffness(stress_and_stiffness(system.law, line)[1]) <= 0))
     return np.asarray(np.exp(line[first]))
-
-
-def crease_ratio(state: PathState) -> float | None:
-    """Return the largest ratio of the stretches normal to the free skin and along it; None off the axis.
-
-    The free skin has no traction, so that the logarithm of its normal stretch is -nu / (1 - nu) times those along it
-    (exact for nu = 0.5). The skin in touch with the plate is left out. The ratio of two meshes agrees up to CREASE;
-    beyond, it is that of the crease which the mesh has opened.
-    """
-    if state.d.model != "axisymmetric":
-        return None
-    skin, nodes = state.skin, state.d.system.elements.nodes
-    before = nodes[skin.nodes]
-    after = before + state.u[skin.nodes]
-    # the place of a point on its facet, from -1 to 1, is the difference of the corners' quadratic shape functions
-    place = skin.shape[:, 1] - skin.shape[:, 0]
-    slope = np.stack([place - 0.5, place + 0.5, -2 * place], axis=1)
-    along = np.linalg.norm(slope @ after, axis=-1) / np.linalg.norm(slope @ before, axis=-1)
-    around = (after[..., 0] @ skin.shape.T) / (before[..., 0] @ skin.shape.T)
-    free = (state.overlap <= 0) & (before[..., 1] @ skin.shape.T > CLAMP)
-    nu = 1 / (2 * float(state.d.system.mu[0, 0])) - 1  # E is the unit of stress
-    along, around = along[free], around[free]
-    return float(((along * around) ** (-nu / (1 - nu)) / np.minimum(along, around)).max(initial=0.0))
 
 
 def largest_strain(e: Elements, u: Array) -> float:

@@ -166,20 +166,18 @@ class ActiveSet:
         tangent.drop()
         tangent.solver.factorise(assembly.tangent, symmetric=assembly.symmetric, single=True)
         tangent.stability = tangent.solver.stability(system.n_pressure)
-        tangent.displacements, tangent.plate, tangent.pressed = state.u, self._plate, self._first
-        if self._first is None and self._plate is not None and system.surface is not None:
-            tangent.pressed = plate_contact.overlap(system.surface, state.u, self._plate) > 0
+        tangent.displacements, tangent.plate, tangent.pressed = state.u, self._plate, assembly.pressed
         self._has_tangent = True
 
     def step(self, state: State, assembly: Assembly) -> Array:
-        tangent, plate, residual, system = self._tangent, self._plate, assembly.residual, self.system
+        """Return the unknowns after a step with its contact settled."""
+        tangent, plate, residual = self._tangent, self._plate, assembly.residual
         self._first = None
         if plate is None or plate.height is None or plate.friction is not None:
-            return tangent.solver.solve(residual)
+            return state.q - tangent.solver.solve(residual)
         if assembly.matrix is None:
-            residual = self._with_springs_of_tangent(state, residual)
-        step = tangent.solver.solve(residual)
-        return settle_contact(system, tangent, state, step, plate)
+            residual = self._with_springs_of_tangent(state, assembly)
+        return settle_contact(self.system, tangent, state.q - tangent.solver.solve(residual), plate)
 
     def final_stability(self, state: State, assembly: Assembly | None = None, *, passed: bool = False) -> Stability:
         # a tangent that steps in time keep is not replaced by that of each state, and a state that is only passed
@@ -203,36 +201,37 @@ class ActiveSet:
         here = plate_contact.overlap(self.system.skin, state.u, plate) > 0
         return np.array_equal(here | tied, tangent.pressed | tied)
 
-    def _with_springs_of_tangent(self, state: State, residual: Array) -> Array:
-        """Return a residual with the springs of the points whose springs the tangent has."""
+    def _with_springs_of_tangent(self, state: State, assembly: Assembly) -> Array:
+        """Return the residual with the springs of the points whose springs the tangent has."""
         system, surface, plate, pressed = self.system, self.system.skin, self._plate, self._tangent.pressed
         assert plate is not None
         assert pressed is not None
-        if np.array_equal(plate_contact.overlap(surface, state.u, plate) > 0, pressed):
-            return residual
-        forces = np.zeros(system.fixed.shape)
-        for sign, springs in ((1, replace(plate, pressed=pressed)), (-1, plate)):
-            of_springs = plate_contact.assemble_springs(surface, state.u, springs, tangent=False)[0]
-            np.add.at(forces, surface.nodes, sign * of_springs)
-        residual = residual.copy()
-        residual[: system.n_free] += forces[system.free]
+        assert assembly.pressed is not None
+        if np.array_equal(assembly.pressed, pressed):
+            return assembly.residual
+        of_tangent, acting = (
+            plate_contact.assemble_springs(surface, state.u, springs, tangent=False)[0]
+            for springs in (replace(plate, pressed=pressed), plate)
+        )
+        residual = assembly.residual.copy()
+        residual[: system.n_free] += surface.add_up(of_tangent - acting, len(state.u))[system.free]
         return residual
 
 
-def settle_contact(system: System, tangent: KeptTangent, state: State, step: Array, plate: Plate) -> Array:
-    """Return the plain step (n,), from the state q to q - step, with its contact settled.
+def settle_contact(system: System, tangent: KeptTangent, plain: Array, plate: Plate) -> Array:
+    """Return the unknowns (n,) that a plain step leads to, with its contact settled.
 
-    It stays as it is where the problem is too large to pay off, or has no solution.
+    They stay as they are where the problem is too large to pay off, or has no solution.
 
-    tangent : factorised at the state; points whose compliance is needed are added to its `switches`.
+    tangent : of the step; points whose compliance is needed are added to its `switches`.
     """
     surface, known = system.skin, tangent.switches
     assert tangent.pressed is not None
     acting = tangent.pressed.ravel()
     loose = np.ones(len(acting), dtype=bool) if plate.bond is None else ~plate.bond.tied.ravel()
     spring_stiffness = (plate.stiffness * surface.weights).ravel()
-    plain = plate_contact.overlap(surface, system.state(state.q - step).u, plate).ravel()
-    settled, now = step, plain
+    before = plate_contact.overlap(surface, system.state(plain).u, plate).ravel()
+    settled, now = plain, before
     most = MOST_SOLID if system.elements.dim == 3 else MOST_POINTS
     for turn in range(MOST_ROUNDS):
         # tied points keep their springs; a point that switched before is already in the set
@@ -243,17 +242,17 @@ def settle_contact(system: System, tangent: KeptTangent, state: State, step: Arr
         if not len(new) and not switched:
             break
         if len(known.points) + len(new) > most:
-            return step
+            return plain
         if len(new):
             known.points = np.append(known.points, new)
             known.compliance = _extend(known.compliance, system, tangent.solver, known.points, plate)
         assert known.compliance is not None
         points, S, C = known.points, known.compliance.S, known.compliance.C
-        force = _exchange(S, C, plain[points], acting[points], spring_stiffness[points], now[points] > 0)
+        force = _exchange(S, C, before[points], acting[points], spring_stiffness[points], now[points] > 0)
         if force is None:
-            return step
-        settled = step - known.compliance.Z @ force
-        now = plate_contact.overlap(surface, system.state(state.q - settled).u, plate).ravel()
+            return plain
+        settled = plain + known.compliance.Z @ force
+        now = plate_contact.overlap(surface, system.state(settled).u, plate).ravel()
     return settled
 
 

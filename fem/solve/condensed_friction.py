@@ -112,8 +112,7 @@ class CondensedFriction:
         away = replace(plate, pressed=np.zeros(s.weights.shape, dtype=bool), friction=None)
         body = self.system.assemble(state, away, tangent=tangent)
         springs = plate_contact.springs(s, state.u, plate)
-        forces = np.zeros(body.forces.shape)
-        np.add.at(forces, s.nodes, s.forces(springs.traction))
+        forces = s.add_up(s.forces(springs.traction), len(body.forces))
         residual = body.residual.copy()
         residual[: self.system.n_free] += forces[self.system.free]
         energy = body.energy + springs.energy
@@ -128,7 +127,8 @@ class CondensedFriction:
         self._solver.condense(assembly.tangent, self._zone.unknowns)
 
     def step(self, state: State, assembly: Assembly) -> Array | None:
-        """Return a step with its contact settled; None where that fails, or the body needs other pivots."""
+        """Return the unknowns after a step with its contact settled; None where that fails, or the body needs other
+        pivots."""
         zone, solver, residual = self._zone, self._solver, assembly.without_plate
         assert zone is not None
         assert residual is not None
@@ -136,7 +136,7 @@ class CondensedFriction:
             return None
         half, pressed, self._first = solver.forward(-residual), self._first, None
         y = settle(solver.schur, half[zone.unknowns], zone, state.u[zone.nodes], self._plate, pressed)
-        return None if y is None else -solver.backward(half, y)
+        return None if y is None else state.q + solver.backward(half, y)
 
     def final_stability(self, state: State, assembly: Assembly | None = None, *, passed: bool = False) -> Stability:
         del assembly

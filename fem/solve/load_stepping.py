@@ -22,8 +22,6 @@ import numpy as np
 from fem.model import plate_contact
 from fem.model.plate_contact import SECTION_KAPPA
 from fem.model.symmetry_models import Discretisation, MeshSpecification, raise_harmonics
-from fem.results.silicone_limits import crease_ratio
-from fem.solution import CREASE
 from fem.solve.active_set import KeptTangent
 from fem.solve.load_increments import (
     CRUSHED,
@@ -95,7 +93,6 @@ class Path:
         if models.predictor is not None and models.raised is None:
             self.rest = with_predictor(self.rest, models.predictor.build())
         self._passed = [self.rest]
-        self._known_sound: PathState | None = None
 
     def advance(self, state: PathState, position: Array) -> Reached[PathState]:
         """Move from a state to a position (3,): first to its depth, then to its shear."""
@@ -124,14 +121,13 @@ class Path:
         """
         tangent, goal, ahead = self._tangents[state.d.model], np.array([depth, 0.0, 0.0]), depth - state.position[0]
         iterations = 0
-        if abs(ahead) < min(depth, LONGEST) and (state is self._known_sound or _is_sound(state)):
+        if abs(ahead) < min(depth, LONGEST) and state.is_sound_press:
             # the contact changes point by point: a parabola through three presses takes 4 to 12 % more iterations
             # than the line through two
             line = replace(state, past=state.past[-1:])
             here = turn(line, np.array([math.copysign(1.0, ahead), 0.0, 0.0]))
             followed = apply_increment(tangent, here, goal, self._models.tolerance, accept=False)
-            if not followed.stop and _is_sound(followed.state):
-                self._known_sound = followed.state
+            if not followed.stop and followed.state.is_sound_press:
                 return followed
             iterations = followed.iterations
         passed = self._pass_to(depth)
@@ -139,7 +135,7 @@ class Path:
         if passed.stop:
             return replace(passed, iterations=iterations)
         reached = follow_segment(tangent, passed.state, goal, self._models.tolerance)
-        after = replace(reached.state, smooth=reached.state.smooth and _is_sound(passed.state))
+        after = replace(reached.state, smooth=reached.state.smooth and passed.state.is_sound_press)
         return replace(reached, state=after, iterations=iterations + reached.iterations)
 
     def _pass_to(self, depth: float) -> Reached[PathState]:
@@ -187,12 +183,6 @@ class Path:
         tolerance, factor = self._models.tolerance, self._models.friction_step_factor
         reached = follow_segment(tangent, state, goal, tolerance, friction_step_factor=factor)
         return replace(reached, iterations=before + reached.iterations)
-
-
-def _is_sound(state: PathState) -> bool:
-    """Return whether a press is sound, and has no crease: any such path leads to it."""
-    ratio = crease_ratio(state) if state.is_sound else None
-    return ratio is not None and ratio < CREASE
 
 
 def predict(tangent: KeptTangent, predicting: KeptTangent, state: PathState, goal: Array) -> tuple[PathState, int]:

@@ -132,12 +132,12 @@ def iterate(contact: Contact, q: Array, *, tolerance: float = TOLERANCE, confirm
                 )
             if assembly.matrix is not None:
                 contact.factorise(state, assembly)
-            step = contact.step(state, assembly)
+            after = contact.step(state, assembly)
         except SingularMatrixError:
             return Equilibrium(state, assembly, iteration, "singular")
-        if step is None:
+        if after is None:
             return Equilibrium(state, assembly, iteration, "no_convergence")
-        trial = backtrack(system, state, step)
+        trial = backtrack(system, state, after)
         if trial is None:
             return Equilibrium(state, assembly, iteration, "step_inverted")
         if not confirm and iteration > 1 and _reaches(contact, rate, left, tolerance):
@@ -238,12 +238,11 @@ def _damp_step(
     return best, assembly if best is state else contact.assemble(best, tangent=True)
 
 
-def backtrack(system: System, state: State, step: Array) -> State | None:
-    """Return the state after the longest of 1, 1/2, ... 1/64 of the step that keeps every J positive."""
-    scale = 1.0
+def backtrack(system: System, state: State, after: Array) -> State | None:
+    """Return the state after the longest of 1, 1/2, ... 1/64 of the step to `after` that keeps every J positive."""
     for _ in range(7):
-        trial = system.admissible(state.q - scale * step)
+        trial = system.admissible(after)
         if trial is not None:
             return trial
-        scale /= 2
+        after = (state.q + after) / 2
     return None

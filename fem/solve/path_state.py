@@ -6,6 +6,7 @@ increment depends on, so equal increments from equal states give equal results.
 
 from __future__ import annotations
 
+import functools
 import math
 from dataclasses import dataclass, field, replace
 
@@ -16,8 +17,12 @@ from fem.model.coulomb_friction import Friction
 from fem.model.plate_contact import KAPPA, SECTION_KAPPA, Bond, Plate
 from fem.model.symmetry_models import Discretisation, raise_harmonics
 from fem.scene import FIRST_TOUCH
+from fem.solution import CREASE
 from fem.solve.direct_solver import STABLE, UNKNOWN, Stability
 from geometry.arrays import Array
+
+CLAMP = 0.02
+"""Height over D below which the skin is left out of `PathState.crease_ratio`: its strain is singular at the clamp."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,7 +34,7 @@ class PastState:
     overlap: Array
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class PathState:
     """One state of a path.
 
@@ -88,6 +93,11 @@ class PathState:
         return self.smooth and self.stability.is_stable and self.onset is None
 
     @property
+    def is_sound_press(self) -> bool:
+        """Whether a press is sound, and has no crease: any such path leads to it."""
+        return self.is_sound and self.crease_ratio is not None and self.crease_ratio < CREASE
+
+    @property
     def skin(self) -> elements.Surface:
         return self.d.system.skin
 
@@ -96,7 +106,7 @@ class PathState:
         """(nodes, fields) nodal displacements."""
         return self.d.system.state(self.q).u
 
-    @property
+    @functools.cached_property
     def plate(self) -> Plate:
         """The plate (or grip) at the present position, with its tied points."""
         return self.plate_at(self.position)
@@ -111,10 +121,33 @@ class PathState:
         height = None if self.grip else shape.L - depth + shape.R * (1 / math.cos(self.tilt) - 1)
         return Plate(height, stiffness, np.array(shear), self.tilt, self.bond, friction=self.friction)
 
-    @property
+    @functools.cached_property
     def overlap(self) -> Array:
         """(k, q) overlap of the skin's points with the plate."""
         return plate_contact.overlap(self.skin, self.u, self.plate)
+
+    @functools.cached_property
+    def crease_ratio(self) -> float | None:
+        """Largest ratio of the stretches normal to the free skin and along it; None off the axis.
+
+        The free skin has no traction, so that the logarithm of its normal stretch is -nu / (1 - nu) times those along
+        it (exact for nu = 0.5). The skin in touch with the plate is left out. The ratio of two meshes agrees up to
+        CREASE; beyond, it is that of the crease which the mesh has opened (`fem.results.silicone_limits`).
+        """
+        if self.d.model != "axisymmetric":
+            return None
+        skin, nodes = self.skin, self.d.system.elements.nodes
+        before = nodes[skin.nodes]
+        after = before + self.u[skin.nodes]
+        # the place of a point on its facet, from -1 to 1, is the difference of the corners' quadratic shape functions
+        place = skin.shape[:, 1] - skin.shape[:, 0]
+        slope = np.stack([place - 0.5, place + 0.5, -2 * place], axis=1)
+        along = np.linalg.norm(slope @ after, axis=-1) / np.linalg.norm(slope @ before, axis=-1)
+        around = (after[..., 0] @ skin.shape.T) / (before[..., 0] @ skin.shape.T)
+        free = (self.overlap <= 0) & (before[..., 1] @ skin.shape.T > CLAMP)
+        nu = 1 / (2 * float(self.d.system.mu[0, 0])) - 1  # E is the unit of stress
+        along, around = along[free], around[free]
+        return float(((along * around) ** (-nu / (1 - nu)) / np.minimum(along, around)).max(initial=0.0))
 
 
 def at_rest(
