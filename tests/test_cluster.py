@@ -18,9 +18,9 @@ from worker_tasks import gone, until
 
 from fem.physics_version import PHYSICS
 from geometry.design import BadInput
-from studies.mechanics import cluster, workers
-from studies.mechanics.worker_process import SchedulerLost
-from studies.mechanics.workers import finished
+from studies.mechanics import cluster, tasks
+from studies.mechanics.executor import SchedulerLost
+from studies.mechanics.tasks import finished
 from studies.output.provenance import installed
 
 pytest.importorskip("distributed", reason="the extra cluster is not installed")
@@ -135,7 +135,7 @@ def test_a_scheduler_that_does_not_answer_is_bad_input(monkeypatch):
 
 def test_a_cluster_without_workers_is_refused_or_ends_the_run(tmp_path, monkeypatch):
     monkeypatch.setattr(cluster, "ABSENCE", 0.5)
-    monkeypatch.setattr(workers, "PATIENCE", 0.1)
+    monkeypatch.setattr(tasks, "PATIENCE", 0.1)
     with started(tmp_path, 1) as own:
         results = finished([0.1] * 10, time.sleep, workers=0, scheduler=own.address)
         next(results)

@@ -6,6 +6,7 @@ import html
 import io
 import json
 import math
+import multiprocessing
 import os
 import signal
 import subprocess
@@ -29,7 +30,7 @@ from geometry.design import BadInput, Design
 from studies.cli import commands
 from studies.fabrication import sensor_parts
 from studies.inputs import user_input
-from studies.mechanics import worker_process
+from studies.mechanics import executor
 from studies.web import explorer_answers, explorer_server, explorer_state, explorer_workers, state_exports
 
 PATIENCE = 60.0
@@ -214,14 +215,14 @@ def test_a_bug_leaves_nothing_that_is_kept(monkeypatch):
     monkeypatch.setattr(kept, "all_of", lambda *_: 1 / 0)
     kept._kept.get("curve", float)
     monkeypatch.setattr(explorer_workers, "_answers", lambda background: kept)
-    monkeypatch.setattr(worker_process, "_senders", [worker_process.Sender(io.BytesIO())])
+    monkeypatch.setattr(explorer_workers, "_talks", [explorer_workers.Talk(multiprocessing.Pipe()[0])])
     with pytest.raises(ZeroDivisionError):
         explorer_workers.do(explorer_workers.Job(explorer_state.request_of({}), "quick"))
     assert not kept._kept.values
 
 
 def test_processes_that_never_start_are_said_to_every_request(loop, monkeypatch, capfd):
-    monkeypatch.setattr(worker_process, "COMMAND", (sys.executable, "-c", "import sys; sys.exit(7)"))
+    monkeypatch.setattr(executor, "begin", worker_tasks.ends)
 
     async def answers():
         process = explorer_workers.PageWorker(asyncio.get_running_loop())
@@ -241,7 +242,7 @@ def test_processes_that_never_start_are_said_to_every_request(loop, monkeypatch,
     early, late = loop.run_until_complete(answers())
     assert [(one["number"], one["side"]) for one in (early, late)] == [(1, "a"), (2, "b")]
     assert early["error"] == late["error"]
-    assert "exit code 7" in early["error"]
+    assert "exit code 5" in early["error"]
 
 
 def test_state_is_the_solution_of_the_command_line(loop, live):
@@ -393,7 +394,7 @@ def test_mould_is_the_folder_of_the_command_line_or_its_refusal(monkeypatch):
 def molding(running):
     """Processes of this one that make moulds: those that answer no page."""
     workers = running.workers
-    return set(children(os.getpid())) - {*workers.quick.processes.pids, *workers.refining.processes.pids}
+    return set(children(os.getpid())) - {workers.quick.pid, workers.refining.pid}
 
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="processes are listed from /proc")
@@ -432,8 +433,7 @@ def test_a_worker_that_dies_is_said_and_replaced(loop, running, live):
         await live.until(state_of(await live.ask({"load": {"depth": 0.5}, "level": "quick"})))
         number = await live.ask({"load": {"depth": 1.0, "shear": 1.0, "friction": 0.3}, "level": "quick"})
         await asyncio.sleep(0.2)
-        (pid,) = running.workers.quick.processes.pids
-        os.kill(pid, signal.SIGKILL)
+        os.kill(running.workers.quick.pid, signal.SIGKILL)
         refused, _ = await live.until(lambda one: "error" in one)
         assert refused["number"] == number
         number = await live.ask({"load": {"depth": 1.0}, "level": "quick"})

@@ -323,7 +323,7 @@ FROM_PYTHON += [
             "mechanics/store",
             "mechanics/study_cases",
         ),
-        *("mechanics/model_choice", "mechanics/timed_quantities", "mechanics/workers", "mechanics/worker_process"),
+        *("mechanics/model_choice", "mechanics/timed_quantities", "mechanics/executor", "mechanics/tasks"),
     )
 ]
 

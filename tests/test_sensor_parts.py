@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import worker_tasks
 from PIL import Image
 
 from geometry import base
@@ -22,7 +23,6 @@ from geometry.fabrication.printability import Check
 from geometry.mold import Mold
 from studies.fabrication import assembly_picture, casting_recipe, design_variants, sensor_parts, sensor_solids
 from studies.inputs.option_groups import Fabrication
-from studies.mechanics import worker_process
 from studies.output import own_files
 from studies.simulation import design_summary
 
@@ -289,32 +289,18 @@ def test_an_element_behind_the_section_is_named_beside_the_beam_and_drawn_withou
 # Batches
 
 
-WRITES_AND_WAITS = """
-import time
-from studies.fabrication import design_variants as variants
-from studies.mechanics import worker_process
-from studies.output import atomic_files
-
-def fabricate(job):
-    with atomic_files.filled(job[2]) as folder, atomic_files.staged(folder) as stage:
-        atomic_files.write_text(stage / "README.md", "recipe")
-        time.sleep(0 if job[1]["L"] == 9 else 60)
-    return variants.fabricated("ok", "", job[2])
-
-variants.fabricate = fabricate
-worker_process.main()
-"""
-
-
 def test_an_interrupted_batch_leaves_only_whole_folders(tmp_path):
     """Its processes, which here build no solids, have begun to write all variants but the first one."""
-    code = "import sys; from studies.cli import main; from studies.mechanics import worker_process\n"
-    code += (
-        f"worker_process.COMMAND = (sys.executable, '-P', '-c', {WRITES_AND_WAITS!r}); sys.exit(main(sys.argv[1:]))"
-    )
+    code = "import sys, worker_tasks; from studies.cli import main; from studies.fabrication import design_variants\n"
+    code += "design_variants.fabricate = worker_tasks.fabricated_or_waits; sys.exit(main(sys.argv[1:]))"
     tokens = ["cad", "paper", "--out", "parts", "--axis", "L=9,10,11"]
-    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parent.parent)}
-    options = {"cwd": tmp_path, "env": environment, "start_new_session": True, "stderr": subprocess.PIPE}
+    paths = os.pathsep.join([str(Path(__file__).parent), str(Path(__file__).parent.parent)])
+    options = {
+        "cwd": tmp_path,
+        "env": {**os.environ, "PYTHONPATH": paths},
+        "start_new_session": True,
+        "stderr": subprocess.PIPE,
+    }
     with subprocess.Popen([sys.executable, "-c", code, *tokens], **options) as process:
         while process.poll() is None and len(list(tmp_path.rglob("README.md"))) < 2:
             time.sleep(0.05)
@@ -329,15 +315,7 @@ def test_an_interrupted_batch_leaves_only_whole_folders(tmp_path):
 
 
 def test_a_process_of_a_batch_that_dies_fails_its_variant_only(tmp_path, monkeypatch):
-    code = (
-        "import os; from studies.mechanics import worker_process\n"
-        "from studies.fabrication import design_variants as variants\n"
-        "def fabricate(job):\n"
-        "    if job[1]['L'] == 9: os._exit(7)\n"
-        "    return variants.fabricated('ok', '', job[2])\n"
-        "variants.fabricate = fabricate; worker_process.main()\n"
-    )
-    monkeypatch.setattr(worker_process, "COMMAND", (sys.executable, "-P", "-c", code))
+    monkeypatch.setattr(design_variants, "fabricate", worker_tasks.fabricated_or_dies)
     axes = {"L": [9.0, 10.0, 11.0, 12.0]}
     records = list(design_variants.batch(paper(), axes, tmp_path / "parts", lambda *_: None, workers=2))
     assert [row["status"] for row in records] == ["failed", "ok", "ok", "ok"]

@@ -23,8 +23,9 @@ from worker_tasks import SOLVES, children, gone, until
 
 from studies.cli import commands
 from studies.inputs.option_groups import Selection
-from studies.mechanics import store_actions, store_check, worker_process
-from studies.mechanics.workers import Unfinished, finished
+from studies.mechanics import executor, store_actions, store_check
+from studies.mechanics.executor import Workers
+from studies.mechanics.tasks import Unfinished, finished
 from studies.output.provenance import ROOT
 
 TESTS = Path(__file__).parent
@@ -99,7 +100,7 @@ def test_closing_the_generator_ends_the_workers_and_what_they_started(tmp_path):
 
 RUN = """
 import worker_tasks
-from studies.mechanics.workers import finished
+from studies.mechanics.tasks import finished
 
 list(finished([{folder!r}] * 8, worker_tasks.noted, workers=2))
 """
@@ -120,31 +121,49 @@ def test_workers_end_when_the_process_that_started_them_is_killed_or_interrupted
 
 
 def test_a_process_that_dies_while_it_loads_is_no_death_of_a_task(monkeypatch):
-    monkeypatch.setattr(worker_process, "COMMAND", (sys.executable, "-c", "raise SystemExit(5)"))
-    with pytest.raises(worker_process.NotStarted, match="exit code 5"):
+    monkeypatch.setattr(executor, "begin", worker_tasks.ends)
+    with pytest.raises(executor.NotStarted, match="exit code 5"):
         list(finished([1], worker_tasks.echo, workers=1))
 
 
 def test_processes_that_the_system_kills_while_they_load_are_started_again(monkeypatch, tmp_path):
-    code = (
-        "import os, pathlib; from studies.mechanics import worker_process\n"
-        f"folder = pathlib.Path({str(tmp_path)!r}); (folder / str(os.getpid())).touch()\n"
-        "if len(list(folder.iterdir())) < 5: os.kill(os.getpid(), 9)\n"
-        "worker_process.main()\n"
-    )
-    monkeypatch.setattr(worker_process, "COMMAND", (sys.executable, "-c", code))
+    monkeypatch.setattr(executor, "begin", worker_tasks.killed_four_times)
+    monkeypatch.setenv(worker_tasks.LOADS, str(tmp_path))
     assert [each.answer for each in finished([1], worker_tasks.echo, workers=1)] == [1]
     assert len(noted(tmp_path)) == 5
 
 
+def test_a_script_needs_no_guard_of_its_main_module(tmp_path):
+    """Processes that `multiprocessing` spawns import the script again, which would start processes without end."""
+    script = tmp_path / "script.py"
+    script.write_text(
+        "import worker_tasks\nfrom studies.mechanics.tasks import finished\n"
+        "print([each.answer for each in finished([1, 2], worker_tasks.echo, workers=1)])\n"
+    )
+    env = {**os.environ, "PYTHONPATH": os.pathsep.join([str(TESTS), str(TESTS.parent)])}
+    done = subprocess.run([sys.executable, str(script)], env=env, capture_output=True, text=True, check=True)
+    assert (done.stdout, done.stderr) == ("[1, 2]\n", "")
+
+
+def test_workers_stay_for_the_next_tasks_until_they_are_ended():
+    workers = Workers(1)
+    pids = [each.answer for _ in range(3) for each in finished([""], worker_tasks.process, workers)]
+    assert len(set(pids)) == 1
+    # one that dies without a task is replaced, and no task is the cause
+    os.kill(pids[0], signal.SIGKILL)
+    assert [each.answer != pids[0] for each in finished([""], worker_tasks.process, workers)] == [True]
+    workers.end()
+    assert until(lambda: gone(pids[0]), 2)
+
+
 def test_linear_algebra_in_workers_shares_the_cores(monkeypatch):
-    monkeypatch.setattr("studies.mechanics.worker_process.cores", lambda: 8)
+    monkeypatch.setattr(executor, "cores", lambda: 8)
     for name, value in {"OMP_NUM_THREADS": "3", "MKL_NUM_THREADS": "16", "OPENBLAS_NUM_THREADS": "x"}.items():
         monkeypatch.setenv(name, value)
     monkeypatch.delenv("NUMBA_NUM_THREADS", raising=False)
-    results = finished(worker_process.THREADS, worker_tasks.environment, workers=2)
+    results = finished(executor.THREADS, worker_tasks.environment, workers=2)
     threads = {each.task: each.answer for each in results}
-    assert [threads[name] for name in worker_process.THREADS] == ["3", "4", "4", "4"]
+    assert [threads[name] for name in executor.THREADS] == ["3", "4", "4", "4"]
     (alone,) = finished(["NUMBA_NUM_THREADS"], worker_tasks.environment, workers=2)
     assert alone.answer == "8"
 

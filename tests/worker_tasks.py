@@ -9,11 +9,18 @@ import sys
 import time
 from pathlib import Path
 
-from studies.mechanics import worker_process
+from studies.fabrication.sensor_parts import fabricated
+from studies.mechanics import executor
+from studies.output import atomic_files
+from studies.web import explorer_workers
 
 
 def echo(task):
     return task
+
+
+def process(task):
+    return os.getpid()
 
 
 def environment(name):
@@ -24,6 +31,24 @@ def noted(folder):
     """Note this process in a folder, and sleep."""
     Path(folder, str(os.getpid())).touch()
     time.sleep(60)
+
+
+def ends(*setup):
+    """Begin a process that ends while it loads."""
+    os._exit(5)
+
+
+LOADS = "MAGTIP_TEST_LOADS"
+"""Environment variable with a folder in which processes that load note themselves."""
+
+
+def killed_four_times(*setup):
+    """Begin a process, the first four of which are killed while they load."""
+    folder = Path(os.environ[LOADS])
+    (folder / str(os.getpid())).touch()
+    if len(list(folder.iterdir())) < 5:
+        os.kill(os.getpid(), signal.SIGKILL)
+    executor.begin(*setup)
 
 
 def with_child(folder):
@@ -58,6 +83,21 @@ def noted_solve(task):
     return path_solver.solve_task(task)
 
 
+def fabricated_or_waits(job):
+    """Begin to write a variant, and finish that of L = 9 mm only."""
+    with atomic_files.filled(job[2]) as folder, atomic_files.staged(folder) as stage:
+        atomic_files.write_text(stage / "README.md", "recipe")
+        time.sleep(0 if job[1]["L"] == 9 else 60)
+    return fabricated("ok", "", job[2])
+
+
+def fabricated_or_dies(job):
+    """Say that a variant is made, but end the process at L = 9 mm."""
+    if job[1]["L"] == 9:
+        os._exit(7)
+    return fabricated("ok", "", job[2])
+
+
 def raises(kind):
     errors = {
         "exit": SystemExit(3),
@@ -77,7 +117,7 @@ def fails_at_depth(job):
         raise np.linalg.LinAlgError("Singular matrix\nof rank 1")
     if depth in (2, 3):
         raises("odd" if depth == 2 else "exit")
-    worker_process.sender().say(json.dumps({"number": job.request.number}))
+    explorer_workers._talks[-1].say(json.dumps({"number": job.request.number}))
     if depth == 4:
         os._exit(7)
 
@@ -106,10 +146,11 @@ def gone(process):
 
 
 def children(pid):
-    """Processes whose parent is a process."""
+    """Processes whose parent is a process, without the one that removes semaphores for Python."""
     found = []
     for folder in Path("/proc").glob("[0-9]*"):
         with contextlib.suppress(OSError):
-            if int((folder / "stat").read_text().rpartition(")")[2].split()[1]) == pid:
+            is_tracker = b"resource_tracker" in (folder / "cmdline").read_bytes()
+            if int((folder / "stat").read_text().rpartition(")")[2].split()[1]) == pid and not is_tracker:
                 found.append(int(folder.name))
     return found

@@ -24,6 +24,8 @@ def main(tokens: list[str] | None = None) -> int:
         # dense matrices of a solve are small: more threads of OpenBLAS cost 0.2 s of CPU and save no time. It reads
         # this when NumPy is imported; PARDISO and compiled loops keep their threads
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+        # worker processes import no modules of the user's current folder either
+        os.environ.setdefault("PYTHONSAFEPATH", "1")
     with _interrupt_at_once():
         from studies import deferred_modules
         from studies.cli import commands

@@ -49,8 +49,8 @@ def sweep(
     override the values of a study. Solved states are kept: no sweep solves a state again. The exit status is 3 if a
     case has another status than ok; all have their rows all the same.
     """
+    from studies.mechanics.executor import SchedulerLost
     from studies.mechanics.solve_plan import Processes
-    from studies.mechanics.worker_process import SchedulerLost
     from studies.sweeps import sweep as study
     from studies.sweeps.sweep_columns import SweepColumns
 

@@ -14,7 +14,7 @@ from geometry.messages import Progress
 from studies.fabrication.sensor_parts import build, fabricated
 from studies.fabrication.sensor_solids import FabricationChoices
 from studies.inputs import study_input
-from studies.mechanics.worker_process import Executor, WorkerDied, processes
+from studies.mechanics.executor import WorkerDied, Workers
 from studies.output import atomic_files, console
 from studies.output.records import FlatRow
 
@@ -73,7 +73,9 @@ def batch(
     with atomic_files.filled(out), _clean_up([out / name for name in names]), contextlib.ExitStack() as stack:
         rows: Iterator[FlatRow] = map(fabricate, jobs)
         if count > 1:
-            rows = _rows(jobs, stack.enter_context(processes(count, tries=1)))
+            executor = Workers(count, tries=1)
+            stack.callback(executor.end)
+            rows = _rows(jobs, executor)
         for k, (point, row) in enumerate(zip(points, rows, strict=True)):
             progress((k + 1) / len(jobs), row["folder"].name)
             yield point | row
@@ -91,7 +93,7 @@ def _named(texts: Sequence[tuple[FlatRow, str]]) -> list[str]:
     return console.remarks([{"variant": row["folder"].name, "message": text} for row, text in texts], ("variant",))
 
 
-def _rows(jobs: Sequence[Job], executor: Executor) -> Iterator[FlatRow]:
+def _rows(jobs: Sequence[Job], executor: Workers) -> Iterator[FlatRow]:
     """Yield the rows of jobs in order; an exception of a worker process is raised here."""
     futures = [executor.submit(fabricate, job) for job in jobs]
     for job, future in zip(jobs, futures, strict=True):

@@ -1,6 +1,6 @@
 """Tasks done by the workers of a Dask cluster, each of which hands them to worker processes of its own.
 
-A thread of a Dask worker does a task in a separate process (`worker_process`), as a run on one machine does. If that
+A thread of a Dask worker does a task in a separate process (`executor.Worker`), as a run on one machine does. If that
 process dies, the Dask worker lives on, so it is known which task is the cause, and tasks in other threads or assigned
 to the same Dask worker are not affected. Dask alone would suspect all of them. It also could not stop a task that
 runs. If a Dask worker itself is lost, for which no task is to blame, the scheduler hands its tasks to others.
@@ -14,18 +14,16 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import functools
-import itertools
 import logging
-import pickle
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import CancelledError, Future
 from typing import Any
 
 from fem.physics_version import ESTIMATES, PHYSICS
 from geometry.design import BadInput
-from studies.mechanics.worker_process import Answer, Executor, SchedulerLost, WorkerProcesses, WorkersLost
+from studies.mechanics.executor import TRIES, Answer, NotStarted, SchedulerLost, Worker, WorkersLost
 from studies.output import provenance
 
 CONNECT = 10.0
@@ -38,8 +36,15 @@ ATTEMPTS = 2
 """Times that a task is handed to the scheduler, which gives it up when four Dask workers were lost (its default)."""
 Models = tuple[str | None, dict[Any, int]]
 """Version of magtip, and those of the physics of each model and of the error estimates."""
-_processes = WorkerProcesses(threads=1)
-"""Worker processes of this Dask worker, shared by all runs, so that an interrupted run leaves none behind."""
+
+
+_lock = threading.Lock()
+_idle: list[Worker] = []
+"""Worker processes of this Dask worker without a task, shared by all runs, so that an interrupted run leaves none."""
+_busy: dict[Worker, str] = {}
+"""Those with a task, with its run."""
+_ended: set[str] = set()
+"""Runs that have ended."""
 
 
 @functools.cache
@@ -48,35 +53,44 @@ def installed_models() -> Models:
     return provenance.installed(provenance.OWN), {**PHYSICS, "estimates": ESTIMATES}
 
 
-def do_job(job: bytes, run: str, models: Models) -> bytes:
-    """Do a job of a run in a process of this Dask worker; return its pickled `Answer`."""
+def do_job(function: Callable[[Any], Any], task: Any, run: str, models: Models) -> Answer:
+    """Do a task of a run in a process of this Dask worker."""
     if installed_models() != models:
         # workers that join later are not checked when the run begins
         raise BadInput(_mismatch("a worker of the cluster", installed_models(), models))
-    return _processes.call(job, run)
+    with _lock:
+        if run in _ended:
+            raise NotStarted("the run has ended")
+        worker = _idle.pop() if _idle else Worker()
+        _busy[worker] = run
+    try:
+        return worker.call(function, task, TRIES)
+    finally:
+        with _lock:
+            del _busy[worker]
+            if run not in _ended:
+                _idle.append(worker)
 
 
 def end_run(run: str) -> None:
     """End the processes of a run, and the idle ones, on this Dask worker."""
-    _processes.end(run)
+    with _lock:
+        _ended.add(run)
+        ending = [*_idle, *(worker for worker, its_run in _busy.items() if its_run == run)]
+        _idle.clear()
+    for worker in ending:
+        worker.end()
 
 
-@contextlib.contextmanager
-def connected(address: str) -> Iterator[Executor]:
-    """Yield the workers of a cluster; tasks that are unfinished at the end of the context are ended."""
-    client = _client(address)
-    jobs = _Jobs(client, address)
+def connected(address: str) -> Cluster:
+    """Return an executor whose workers are those of a cluster."""
+    cluster = Cluster(_client(address), address)
     try:
-        _check_workers(client, address)
-        yield Executor(jobs.submit, jobs.size, jobs.check)
-    finally:
-        # what cannot be told to a scheduler that is gone needs no telling: Dask workers end with it
-        with contextlib.suppress(OSError, TimeoutError):
-            if client.status == "running":
-                client.cancel(list(jobs.futures), force=True)
-                client.run(end_run, jobs.run, on_error="ignore")
-        with contextlib.suppress(OSError, TimeoutError):
-            client.close(timeout=1)
+        _check_workers(cluster.client, address)
+    except BaseException:
+        cluster.end()
+        raise
+    return cluster
 
 
 def _client(address: str) -> Any:
@@ -148,63 +162,67 @@ def _mismatch(worker: str, theirs: Models, ours: Models) -> str:
     return f"{worker} has {other}: install the version of this machine on all workers"
 
 
-class _Jobs:
-    """The jobs of a run: for each a future of Dask, which passes its answer to the future that the run waits for."""
+class Cluster:
+    """What `executor.Workers` is on this machine: the workers of a cluster, for one run."""
 
     def __init__(self, client: Any, address: str) -> None:
         self.client, self.address = client, address
-        self.run, self.models = f"magtip-{client.id}", installed_models()
-        self.futures: dict[Any, None] = {}
-        self.numbers = itertools.count()
-        self.threads, self.asked, self.present = 0, -REFRESH, time.monotonic()
+        self._dask = client.get_executor(pure=False)
+        self._run, self._models = f"magtip-{client.id}", installed_models()
+        self._threads, self._asked, self._present = 0, -REFRESH, time.monotonic()
+
+    @property
+    def size(self) -> int:
+        """Number of threads of all workers, as of a moment ago."""
+        now = time.monotonic()
+        if now - self._asked > REFRESH and self.client.status == "running":
+            self._asked = now
+            with contextlib.suppress(OSError, TimeoutError):
+                self._threads = sum(self.client.nthreads().values())
+        if self._threads:
+            self._present = time.monotonic()
+        return self._threads
+
+    def check(self) -> None:
+        """Refuse to wait any longer for a first worker after the last one was lost."""
+        if not self.size and time.monotonic() - self._present > ABSENCE:
+            raise SchedulerLost(f"the scheduler at {self.address} has had no worker for {ABSENCE:g} s")
 
     def submit(self, function: Callable[[Any], Any], task: Any) -> Future[Answer]:
         """Hand over a task."""
         reply: Future[Answer] = Future()
-        self._send(pickle.dumps((function, task)), reply, 1)
+        self._send((function, task, self._run, self._models), reply, 1)
         return reply
 
-    def size(self) -> int:
-        """Return the number of threads of all workers, as of a moment ago."""
-        now = time.monotonic()
-        if now - self.asked > REFRESH and self.client.status == "running":
-            self.asked = now
-            with contextlib.suppress(OSError, TimeoutError):
-                self.threads = sum(self.client.nthreads().values())
-        if self.threads:
-            self.present = now
-        return self.threads
-
-    def check(self) -> None:
-        """Refuse to wait any longer for a first worker after the last one was lost."""
-        if time.monotonic() - self.present > ABSENCE:
-            raise SchedulerLost(f"the scheduler at {self.address} has had no worker for {ABSENCE:g} s")
-
-    def _send(self, job: bytes, reply: Future[Answer], attempt: int) -> None:
+    def _send(self, job: tuple[Any, ...], reply: Future[Answer], attempt: int) -> None:
         """Hand over a job; its answer, or the reason why there is none, becomes that of the reply."""
-        key = f"{self.run}-{next(self.numbers)}"
-        future = self.client.submit(do_job, job, self.run, self.models, key=key, pure=False)
-        self.futures[future] = None  # Dask forgets a task whose future is deleted
 
-        def receive(future: Any) -> None:
+        def receive(future: Future[Answer]) -> None:
             from distributed import KilledWorker
 
             try:
-                try:
-                    reply.set_result(pickle.loads(future.result()))
-                except (CancelledError, OSError, TimeoutError):
-                    # Dask cancels all futures when the connection breaks; an error of a worker comes over a good one
-                    if future.status == "error":
-                        raise
-                    raise SchedulerLost(f"the scheduler at {self.address} is gone") from None
-                except KilledWorker as lost:
-                    if attempt == ATTEMPTS:
-                        count = ATTEMPTS * (lost.allowed_failures + 1)
-                        raise WorkersLost(f"the cluster lost {count} workers to which it was assigned") from None
+                reply.set_result(future.result())
+            except CancelledError:
+                # Dask cancels all futures when the connection breaks
+                reply.set_exception(SchedulerLost(f"the scheduler at {self.address} is gone"))
+            except KilledWorker as lost:
+                if attempt < ATTEMPTS:
                     self._send(job, reply, attempt + 1)
+                else:
+                    count = ATTEMPTS * (lost.allowed_failures + 1)
+                    said = f"the cluster lost {count} workers to which it was assigned"
+                    reply.set_exception(WorkersLost(said))
             except BaseException as error:
                 reply.set_exception(error)
-            finally:
-                self.futures.pop(future, None)
 
-        future.add_done_callback(receive)
+        self._dask.submit(do_job, *job).add_done_callback(receive)
+
+    def end(self) -> None:
+        """End the tasks of this run on all workers, and the connection."""
+        # what cannot be told to a scheduler that is gone needs no telling: Dask workers end with it
+        with contextlib.suppress(OSError, TimeoutError):
+            if self.client.status == "running":
+                self._dask.shutdown(wait=False)
+                self.client.run(end_run, self._run, on_error="ignore")
+        with contextlib.suppress(OSError, TimeoutError):
+            self.client.close(timeout=1)

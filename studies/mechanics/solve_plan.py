@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 from analytic import beam
 from fem.accuracy import LEVELS
 from fem.scene import Scene
-from geometry.compiled import cores
 from geometry.design import BadInput
 from geometry.loads import ANSWERED
 from geometry.messages import Progress
@@ -24,11 +23,9 @@ from studies.mechanics.model_choice import UNMET, Choice, along_shear, choose, u
 from studies.mechanics.path_solver import KINDS, NAN, Answer, Kind, Place, Task, solve_task
 from studies.mechanics.store import Position, Store
 from studies.mechanics.study_cases import Cases, FemModel, Plan, Problem, Recent
-from studies.mechanics.workers import finished
+from studies.mechanics.tasks import finished
 from studies.quantities import stored_values
 
-INLINE = 4.0
-"""Expected time of all solves, s, up to which this process solves them; others take about a second to start."""
 AT_ONCE = 8192
 """Problems that are looked at at a time."""
 MOST_WORKERS = 1024
@@ -124,12 +121,8 @@ class Solves:
                 keys.append(key)
         self.numbers = {key: number for number, key in enumerate(self.paths, 1)}
         self._keys, self._open, self.count = list(self.paths), set(keys), len(tasks)
-        workers = processes.workers
-        if workers is None:
-            workers = 0 if sum(map(cost, tasks)) <= INLINE else min(cores(), len(tasks))
-        self._finished = finished(
-            tasks, solve_task, workers=workers, scheduler=processes.scheduler, cost=cost, progress=progress
-        )
+        by = processes.workers, processes.scheduler
+        self._finished = finished(tasks, solve_task, *by, cost=cost, progress=progress)
 
     def _wanted(self, cases: Cases) -> dict[str, dict[Position, None]]:
         """Note the first place of each path, and return the positions that the study needs on it."""

@@ -16,10 +16,9 @@ from typing import Any
 import numpy as np
 
 from geometry.bad_input import BadInput
-from geometry.compiled import cores
 from geometry.messages import Progress
 from studies.mechanics import surrogate_range
-from studies.mechanics.workers import finished
+from studies.mechanics.tasks import finished
 from studies.output import page_templates
 from studies.output.records import FlatRow
 from studies.parts.catalogues import Catalogues, catalogues_of
@@ -193,14 +192,13 @@ def _tried(
         tasks.append((Trial(needed, (), near=near), proof))
     if not tasks:
         return None, []
-    count = min(cores(), len(tasks)) if workers is None else workers
     done = dict[tuple[str, ...], Any]()
 
     def report(share: float, text: str) -> None:
         # a change that helps takes several times one that does not, so that no time left is known
         progress(share, text.partition(",")[0])
 
-    for each in finished(tasks, advice.tried, workers=count, cost=advice.cost, progress=report, words="changes"):
+    for each in finished(tasks, advice.tried, workers=workers, cost=advice.cost, progress=report, words="changes"):
         # a process that died says nothing of its change
         done[each.task[0].changed] = each.answer or []
     rows: list[FlatRow] = []

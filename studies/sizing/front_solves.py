@@ -29,15 +29,13 @@ from analytic.hall import batch_readings
 from analytic.parts import common_values
 from fem.scene import Model
 from geometry.arrays import Array, Ints
-from geometry.compiled import cores
 from geometry.design import Design
 from geometry.loads import Load
 from studies.cases import FiniteElements
 from studies.mechanics import surrogate_range
 from studies.mechanics.path_solver import frequency_unit
 from studies.mechanics.prediction import Quantity
-from studies.mechanics.solve_plan import INLINE
-from studies.mechanics.workers import finished
+from studies.mechanics.tasks import finished
 from studies.output.records import FlatRow
 from studies.sizing import front_yield
 from studies.sizing.beam_curves import SOLVED_DEPTHS
@@ -248,13 +246,13 @@ def solved_front(
     candidates = to_solve(candidates, needed, most)
     if not len(candidates):
         return []
-    points, wanted = solved_points(candidates, needed, fem), fem.options.get("workers")
-    workers = min(cores(), len(points)) if wanted is None else wanted
-    if workers < 2 or SECONDS * sensors * len(points) < INLINE:
-        workers = 0
-    judge = functools.partial(with_yield, needed=needed, count=sensors)
+    points, judge = (
+        solved_points(candidates, needed, fem),
+        functools.partial(with_yield, needed=needed, count=sensors),
+    )
+    rated = finished(points, judge, workers=fem.options.get("workers"), cost=lambda point: SECONDS * sensors)
     # a process that died says nothing of the yield
-    judged = {each.task.number: each.answer or each.task for each in finished(points, judge, workers=workers)}
+    judged = {each.task.number: each.answer or each.task for each in rated}
     return ranked([judged[point.number] for point in points], needed, fem)
 
 

@@ -24,7 +24,7 @@ from studies.calibration.sensor_fit import Fit
 from studies.cases import FiniteElements
 from studies.mechanics import store as stores
 from studies.mechanics.solve_plan import Processes
-from studies.mechanics.workers import clock_text
+from studies.mechanics.tasks import clock_text
 from studies.output import console, page_templates
 from studies.output.atomic_files import write_json
 from studies.output.figures import picture

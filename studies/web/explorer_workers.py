@@ -2,26 +2,27 @@
 
 Of the requests of one page and side only the newest waits; older ones are dropped, and a running one is given up at
 the next load increment or part. Its first picture is still finished if that takes less than `GRACE`; otherwise a hand
-that never rests would see no picture. The processes (`studies.mechanics.worker_process`) stay: their imports,
-compiled functions, meshes and factorisations serve the next request.
+that never rests would see no picture. The processes (`studies.mechanics.executor`) stay: their imports,
+compiled functions, meshes and factorisations serve the next request. Each has a connection to the server (`Talk`),
+over which a job says its answers while it runs, and hears that a newer request has made it useless.
 """
 
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import functools
 import gc
+import multiprocessing
 import os
-import pickle
 import time
 import traceback
 from collections.abc import Callable, Hashable
-from concurrent.futures import ThreadPoolExecutor
+from multiprocessing.connection import Connection
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from geometry.design import BadInput
-from studies.mechanics import worker_process
-from studies.mechanics.worker_process import Answer, NotStarted, WorkerDied, WorkerProcesses
+from studies.mechanics.executor import Answer, WorkerDied, WorkerProcess
 from studies.web.explorer_state import Request, request_of
 from studies.web.page_content import as_json
 
@@ -64,6 +65,33 @@ class Job(NamedTuple):
 
 class GivenUp(Exception):
     """A newer request has made this job useless."""
+
+
+class Talk:
+    """The connection of this process to the server, whose jobs it does one after the other."""
+
+    def __init__(self, server: Connection) -> None:
+        self._server, self._given_up = server, -1
+
+    def say(self, content: str) -> None:
+        """Send an answer of the job that runs."""
+        self._server.send(content)
+
+    def has_given_up(self, number: int, patience: float = 0.0) -> bool:
+        """Return whether the server has given up the job with this number, or does so within `patience`, s."""
+        end = time.monotonic() + patience
+        while self._given_up < number and self._server.poll(max(end - time.monotonic(), 0.0)):
+            self._given_up = self._server.recv()
+        return self._given_up >= number
+
+
+_talks: list[Talk] = []
+"""The connection of this process, if it does jobs of a server."""
+
+
+def begin_talk(server: Connection) -> None:
+    """Note the connection of this new process to the server."""
+    _talks.append(Talk(server))
 
 
 @functools.cache
@@ -113,7 +141,7 @@ class _Run:
     """A job that runs: it says answers and progress to the server, and ends when it is useless."""
 
     def __init__(self, job: Job) -> None:
-        self.job, self.sender, self.pictured = job, worker_process.sender(), False
+        self.job, self.talk, self.pictured = job, _talks[-1], False
         self.begin = self.last_progress = time.monotonic()
 
     def take(self, answer: PartAnswer | None) -> None:
@@ -124,14 +152,14 @@ class _Run:
             self._say(part=part, level=level, times=[round(1000 * wait, 1) for wait in waits], data=data)
         else:
             self.pictured = True
-            self.sender.has_given_up(self.job.number, PAUSE)
+            self.talk.has_given_up(self.job.number, PAUSE)
         if self.pictured:
             self.watch(0.0)
 
     def watch(self, share: float) -> None:
         """End a job that is useless, and report progress of a long one."""
         now = time.monotonic()
-        if self.sender.has_given_up(self.job.number) and (self.pictured or now - self.begin > GRACE):
+        if self.talk.has_given_up(self.job.number) and (self.pictured or now - self.begin > GRACE):
             raise GivenUp
         if now - self.last_progress > PROGRESS:
             self.last_progress = now
@@ -139,7 +167,7 @@ class _Run:
             self._say(progress={"share": round(share, 3), "seconds": seconds, "level": self.job.level})
 
     def _say(self, **content: Any) -> None:
-        self.sender.say(encoded(self.job.request.number, self.job.request.side, **content))
+        self.talk.say(encoded(self.job.request.number, self.job.request.side, **content))
 
 
 def fault(error: BaseException) -> str:
@@ -184,12 +212,18 @@ class PageWorker:
 
     def __init__(self, loop: asyncio.AbstractEventLoop, *, background: bool = False) -> None:
         self._loop, self._background = loop, background
-        self.processes, self._thread = WorkerProcesses(1), ThreadPoolExecutor(1)
         self._waiting: dict[Key, Asked] = {}
         self._arrived = asyncio.Event()
         self._running: Key = None
+        self._send: Send = _unheard
         self._number, self._lost = 0, ""
+        self._begin()
         self._task = loop.create_task(self._serve())
+
+    @property
+    def pid(self) -> int | None:
+        """Number of the process; None before it is started."""
+        return self._process.pid
 
     def ask(self, key: Key, asked: Asked) -> None:
         """Queue a request, or an export, in place of an older one of this key."""
@@ -204,13 +238,24 @@ class PageWorker:
         """Forget the request of a key that waits, and give up the one that runs."""
         self._waiting.pop(key, None)
         if self._running == key:
-            self.processes.give_up(self._number)
+            with contextlib.suppress(OSError):  # it has died
+                self._ours.send(self._number)
 
     def close(self) -> None:
         """End the process."""
         self._task.cancel()
-        self.processes.end()
-        self._thread.shutdown()
+        self._end()
+
+    def _begin(self) -> None:
+        self._ours, self._theirs = multiprocessing.Pipe()
+        self._process = WorkerProcess(1, begin_talk, self._theirs)
+
+    def _end(self) -> None:
+        if not self._ours.closed:
+            self._loop.remove_reader(self._ours)
+            self._ours.close()
+        self._theirs.close()
+        self._process.end()
 
     async def _serve(self) -> None:
         """Warm a process, and have it do one job after the other; begin again if it dies, but not too often."""
@@ -220,13 +265,17 @@ class PageWorker:
                 _, error, _ = await self._call(warm, self._background)
                 if error is None:
                     failures = 0
+                    # it has its end of the connection: without another one, its death closes the connection
+                    self._theirs.close()
+                    self._loop.add_reader(self._ours, self._hear)
                     while True:
                         await self._do_next()
                 traceback.print_exception(error)
                 ending = f"{type(error).__name__}: {error}"
-            except (WorkerDied, NotStarted) as death:
-                # the cause of a process that was not started is the death of the last one
-                ending = str(death.__cause__ or death)
+            except WorkerDied as death:
+                ending = str(death)
+            self._end()
+            self._begin()
             failures += 1
         self._lost = (
             f"the process that solves ends whenever it is started ({ending}), and the terminal says why: "
@@ -241,30 +290,44 @@ class PageWorker:
         while not self._waiting:
             self._arrived.clear()
             await self._arrived.wait()
+        if self._ours.closed:
+            # it died while it had nothing to do
+            raise WorkerDied(self._process.end())
         self._running = next(iter(self._waiting))
         asked = self._waiting.pop(self._running)
         self._number += 1
-        job = asked.job._replace(number=self._number, background=self._background)
+        self._send = asked.send
         try:
-            content, error, _ = await self._call(do, job, asked.send)
-        except (WorkerDied, NotStarted) as death:
-            ending = death.__cause__ or death
-            asked.refuse(f"the process that solved this state ended ({ending}): change the state and try again")
+            job = asked.job._replace(number=self._number, background=self._background)
+            content, error, _ = await self._call(do, job)
+        except WorkerDied as death:
+            asked.refuse(f"the process that solved this state ended ({death}): change the state and try again")
             raise
         finally:
             self._running = None
         asked.finish(content, error)
 
-    async def _call(self, function: Callable[[Any], Any], task: Any, hear: Send | None = None) -> Answer:
-        """Have the process call a function; what it says is heard in the thread of the event loop."""
+    async def _call(self, function: Callable[[Any], Any], task: Any) -> Answer:
+        """Have the process call a function, and hear all that it said before it returned."""
+        try:
+            return await asyncio.to_thread(self._process.call, function, task)
+        finally:
+            self._hear()
 
-        def said(content: str) -> None:
-            if hear is not None:
-                self._loop.call_soon_threadsafe(hear, content)
+    def _hear(self) -> None:
+        """Hand on what the process has said."""
+        try:
+            while self._ours.poll():
+                self._send(self._ours.recv())
+        except (EOFError, OSError):
+            if not self._ours.closed:
+                # it has died
+                self._loop.remove_reader(self._ours)
+                self._ours.close()
 
-        call = functools.partial(self.processes.call, pickle.dumps((function, task)), tries=1, hear=said)
-        answer: Answer = pickle.loads(await self._loop.run_in_executor(self._thread, call))
-        return answer
+
+def _unheard(content: str) -> None:
+    """Takes nothing: a process that warms up says nothing."""
 
 
 class Workers:

@@ -17,10 +17,11 @@ from typing import TYPE_CHECKING, Any
 
 from analytic import buckling
 from geometry import design_digest
+from geometry.compiled import cores
 from geometry.design import BadInput, Design
 from geometry.loads import Load
 from studies.inputs.user_input import FIELDS, changed_fields
-from studies.mechanics.worker_process import WorkerDied, processes
+from studies.mechanics.executor import WorkerDied, WorkerProcess
 from studies.output.literals import literal
 from studies.output.page_templates import rendered
 from studies.web.explorer_state import OPENING_DEPTH, ExplorerState, plain
@@ -161,14 +162,16 @@ def _literal(value: float | str | None) -> str:
 async def mold(state: ExplorerState) -> bytes:
     """Return the archive of what `magtip cad` writes for a design, or its refusal, by a process that ends with it."""
     command = line("cad", state, {"--out": "mold"})
-    with processes(1, tries=1) as executor:
-        made = asyncio.wrap_future(executor.submit(_mold_archive, (state.design, command)))
-        try:
-            content, error, _ = await asyncio.wait_for(made, PATIENCE)
-        except TimeoutError:
-            raise BadInput(f"the mould took more than {PATIENCE:g} s: use magtip cad") from None
-        except WorkerDied as death:
-            raise BadInput(f"the process that made the mould ended with {death}: use magtip cad") from None
+    process = WorkerProcess(cores())
+    try:
+        made = asyncio.to_thread(process.call, _mold_archive, (state.design, command))
+        content, error, _ = await asyncio.wait_for(made, PATIENCE)
+    except TimeoutError:
+        raise BadInput(f"the mould took more than {PATIENCE:g} s: use magtip cad") from None
+    except WorkerDied as death:
+        raise BadInput(f"the process that made the mould ended with {death}: use magtip cad") from None
+    finally:
+        process.end()
     if error is not None:
         raise error
     assert isinstance(content, bytes)

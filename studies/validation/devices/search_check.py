@@ -14,7 +14,7 @@ import numpy as np
 
 from geometry.arrays import Array
 from geometry.messages import Progress
-from studies.mechanics.workers import finished
+from studies.mechanics.tasks import finished
 from studies.output.result import Result
 from studies.parts.catalogues import catalogues_of
 from studies.parts.requirements import Requirements, read_requirements

@@ -1,8 +1,6 @@
-"""Tasks done in this process, by worker processes on this machine, or by those of a Dask cluster (`cluster`).
+"""Many tasks done side by side by the workers of this machine or of a Dask cluster, and the time that is left.
 
-Both ways share everything but the transport: a task goes to a worker process (`worker_process`), one at a time, and
-is done once more by a new process if its process dies. A process that dies has no other task, so that no other task
-is affected. The workers return answers; only the process that calls `finished` writes files.
+Each answer is handed on as soon as it is there, so that the caller, which alone writes files, can keep it.
 """
 
 from __future__ import annotations
@@ -11,21 +9,19 @@ import contextlib
 import math
 import queue
 import time
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass
-from typing import Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
+from geometry.compiled import cores
 from geometry.messages import Progress
-from studies.mechanics.worker_process import (
-    Answer,
-    Executor,
-    SchedulerLost,
-    WorkerDied,
-    WorkersLost,
-    inline,
-    processes,
-)
+from studies.mechanics.executor import INLINE, Answer, SchedulerLost, WorkerDied, Workers, WorkersLost
+
+if TYPE_CHECKING:
+    from studies.mechanics.cluster import Cluster
+
+    Executor = Workers | Cluster
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -33,6 +29,28 @@ PATIENCE = 2.0
 """Time without an answer after which the workers are checked, s."""
 REPORTS = 0.5
 """Least time between two reports of progress, s."""
+
+
+@contextlib.contextmanager
+def opened(workers: int | Executor | None = None, scheduler: str | None = None) -> Iterator[Executor]:
+    """Yield workers that are ended with the context, also during tasks; an executor that is given is not.
+
+    workers : number of processes of this machine, see `Workers`, or an executor.
+    scheduler : address of a Dask scheduler, such as tcp://10.0.0.1:8786, whose workers do the tasks.
+    """
+    if workers is not None and not isinstance(workers, int):
+        yield workers
+        return
+    if scheduler is None:
+        executor: Executor = Workers(workers)
+    else:
+        from studies.mechanics.cluster import connected
+
+        executor = connected(scheduler)
+    try:
+        yield executor
+    finally:
+        executor.end()
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,9 +69,9 @@ class Finished(Generic[T, R]):
 def finished(
     tasks: Sequence[T],
     function: Callable[[T], R],
-    *,
-    workers: int,
+    workers: int | Executor | None = None,
     scheduler: str | None = None,
+    *,
     cost: Callable[[T], float] | None = None,
     progress: Progress | None = None,
     words: str = "solves",
@@ -61,29 +79,27 @@ def finished(
     """Call a function of each task and yield each task as soon as it is finished, in any order.
 
     The tasks are started in the order given. As many as there are workers are begun and not yet yielded, so that no
-    more are lost if this process is killed. Closing the generator ends all workers at once, also during tasks.
+    more are lost if this process is killed. Closing the generator ends the workers of tasks that are not yielded.
 
     Parameters
     ----------
     function : of a module that workers can import; it and the tasks can be pickled.
-    workers : number of processes; 0 calls the function in this process. Without effect on a cluster.
-    scheduler : address of a Dask scheduler, such as tcp://10.0.0.1:8786.
-    cost : expected time of a task, in any unit; default: all tasks take equally long.
+    workers, scheduler : see `opened`; an executor stays for other tasks if all of these are yielded.
+    cost : expected time of a task, s; default: all tasks take equally long, and longer than the start of a worker.
     progress : receives the finished share of the costs and the time left, and `words` for the tasks.
 
     `SchedulerLost` says that the scheduler, or all of its workers, were lost during the run. Whatever the function
     raises ends the run, with the traceback of the worker as a note.
     """
-    report = Unfinished([cost(task) if cost else 1.0 for task in tasks], progress, words)
-    workers = min(workers, len(tasks))  # each has more threads for linear algebra
-    opened: contextlib.AbstractContextManager[Executor]
-    if scheduler is not None:
-        from studies.mechanics.cluster import connected
-
-        opened = connected(scheduler)
-    else:
-        opened = processes(workers) if workers else contextlib.nullcontext(inline())
-    with opened as executor:
+    costs = [cost(task) if cost else 1.0 for task in tasks]
+    report = Unfinished(costs, progress, words)
+    if isinstance(workers, int):
+        workers = min(workers, len(tasks))  # each has more threads for linear algebra
+    elif workers is None and scheduler is None:
+        workers = min(cores(), len(tasks)) if cost is None or math.fsum(costs) > INLINE else 0
+    elif isinstance(workers, Workers) and cost is not None and not workers.pays(math.fsum(costs)):
+        workers = 0
+    with opened(workers, scheduler) as executor:
         try:
             yield from _finished(tasks, function, executor, report)
         except SchedulerLost as error:
@@ -97,25 +113,30 @@ def _finished(
     waiting = iter(enumerate(tasks))
     started: dict[Future[Answer], tuple[int, T]] = {}
     done: queue.SimpleQueue[Future[Answer]] = queue.SimpleQueue()
-    while True:
-        size = executor.size()
-        report.show(size)
-        # no tasks in advance: the caller may need seconds with an answer, in which workers would begin all of them
-        while len(started) < max(size, 1) and (next_task := next(waiting, None)) is not None:
-            future = executor.submit(function, next_task[1])
-            started[future] = next_task
-            future.add_done_callback(done.put)
-        if not started:
-            return
-        try:
-            future = done.get(timeout=PATIENCE)
-        except queue.Empty:
-            executor.check()
-            continue
-        number, task = started.pop(future)
-        result, seconds = _result(task, future)
-        report.finish(number, seconds)
-        yield result
+    try:
+        while True:
+            size = executor.size
+            report.show(size)
+            # no tasks in advance: the caller may need seconds with an answer, in which workers would begin them all
+            while len(started) < max(size, 1) and (next_task := next(waiting, None)) is not None:
+                future = executor.submit(function, next_task[1])
+                started[future] = next_task
+                future.add_done_callback(done.put)
+            if not started:
+                return
+            try:
+                future = done.get(timeout=PATIENCE)
+            except queue.Empty:
+                if not isinstance(executor, Workers):
+                    executor.check()
+                continue
+            number, task = started.pop(future)
+            result, seconds = _result(task, future)
+            report.finish(number, seconds)
+            yield result
+    finally:
+        if started:
+            executor.end()
 
 
 def _result(task: T, future: Future[Answer]) -> tuple[Finished[T, Any], float]:
