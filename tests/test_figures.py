@@ -2,6 +2,7 @@
 
 import json
 
+import altair as alt
 import numpy as np
 import pandas as pd
 import pytest
@@ -13,20 +14,21 @@ from studies.inputs import study_input
 from studies.inputs.study_input import grid
 from studies.mechanics.study_cases import Cases, FemModel, Plan, completed, models_of
 from studies.output import figures
-from studies.output.figures import Look, plot
+from studies.output.figures import LOG, Figure, panels, styles
 from studies.output.maps import ERROR_EDGES, heat, spots
 from studies.sensitivity import uncertainty_figures
 from studies.simulation import time_figures
 from studies.sizing import sizing_figures
 from studies.sweeps import sweep, sweep_figures
+from studies.sweeps.answer_curves import Axes, curves
 from studies.sweeps.sweep_columns import SweepColumns, prefixes
 from studies.web import folder_contents
 
 CURVES = pd.DataFrame(
     {
-        "depth (mm)": [1.0, 2.0, 3.0, np.nan] * 2,
-        "force (N)": [1.0, 4.0, np.nan, 2.0, 2.0, 5.0, 7.0, 1.0],
-        "series": ["finite elements"] * 4 + ["formula"] * 4,
+        "depth (mm)": [1.0, 2.0, 1.0, 2.0, 3.0],
+        "force (N)": [1.0, 4.0, 2.0, 5.0, 7.0],
+        "series": ["finite elements"] * 2 + ["formula"] * 3,
     }
 )
 ERRORS = pd.DataFrame(
@@ -48,37 +50,59 @@ def layers(figure):
     return {part["mark"]["type"]: part for part in parts}
 
 
-def test_a_plot_holds_the_points_that_have_both_coordinates():
-    figure = plot("t", "c", CURVES, "depth (mm)", "force (N)")
-    assert figure.data["force (N)"].tolist() == [1, 4, 2, 5, 7]
-    point = layers(figure)["point"]["encoding"]
-    assert (point["x"]["title"], point["y"]["title"]) == ("depth (mm)", "force (N)")
-    assert point["color"]["scale"]["domain"] == ["finite elements", "formula"]
+def lines(data, *more, y="force (N)", log=False):
+    """Lines with markers over the depth, in panels if the table has them."""
+    up = alt.Y(y, **LOG) if log else y
+    marks = alt.Chart().mark_line(point=True).encode(
+        x="depth (mm)", y=up, **styles(data["series"])
+    )  # fmt: skip
+    return alt.layer(*more, marks)
+
+
+def figure(title, chart, data=CURVES, **how):
+    return Figure(title, "", panels(chart, data, **how), data)
+
+
+def test_a_figure_names_its_axes_and_series_and_says_what_is_read_off():
+    (mark,) = layers(figure("t", lines(CURVES))).values()
+    encoding = figure("t", lines(CURVES)).spec()["layer"][0]["encoding"]
+    assert (encoding["x"]["title"], encoding["y"]["title"]) == ("depth (mm)", "force (N)")
+    assert mark["encoding"]["color"]["scale"]["domain"] == ["finite elements", "formula"]
     # finite elements and formulas are told apart without colours, too
-    assert len(set(point["shape"]["scale"]["range"])) == 2
-    assert [one["title"] for one in point["tooltip"]] == ["series", "depth (mm)", "force (N)"]
+    assert len(set(mark["encoding"]["shape"]["scale"]["range"])) == 2
+    assert [one["title"] for one in encoding["tooltip"]] == ["series", "depth (mm)", "force (N)"]
+
+
+def test_titles_and_legends_fit_the_room():
+    long = "a series whose name takes most of the width of a figure in a column of text"
+    data = pd.DataFrame({"depth (mm)": [1.0, 2.0] * 2, "series": [long] * 2 + ["short"] * 2})
+    data["force along the plate, whose title is longer than its axis (N)"] = 1.0
+    shown = figure("t", lines(data, y=data.columns[-1]), data)
+    whole, half = (shown.spec(width)["layer"][0]["encoding"] for width in (figures.WIDTH, figures.HALF))
+    assert " ".join(whole["y"]["title"]) == data.columns[-1]
+    assert whole["color"]["legend"]["columns"] == half["color"]["legend"]["columns"] == 1
+    assert figure("t", lines(CURVES)).spec()["layer"][0]["encoding"]["shape"]["legend"]["columns"] > 2
+    assert half["x"]["axis"]["tickCount"] < whole["x"]["axis"]["tickCount"]
+    # a series that is absent leaves its colour to no other, and does not stand in the legend
+    absent = alt.Chart(CURVES).mark_point().encode(x="depth (mm)", **styles(["lost", "formula", "finite elements"]))
+    colour = Figure("t", "", absent, CURVES).spec()["encoding"]["color"]
+    assert colour["legend"]["values"] == ["formula", "finite elements"]
+    assert colour["scale"]["range"][1] == figures.COLOURS[1]
 
 
 def test_many_points_are_thinned_with_a_sentence_and_keep_their_extremes():
     y = np.random.default_rng(0).permutation(5000) / 5000
-    thin = plot("t", "c", pd.DataFrame({"x": np.arange(5000.0), "y": y}), "x", "y", Look(line=False))
-    rows = thin.chart.to_dict()["datasets"].popitem()[1]
-    drawn = [k for k, row in enumerate(rows) if row["drawn"]]
-    assert len(thin.data) == len(rows) == 5000
+    thin, note = figures.thinned(pd.DataFrame({"x": np.arange(5000.0), "y": y}), "y")
+    drawn = np.flatnonzero(thin["drawn"])
+    assert len(thin) == 5000
     assert len(drawn) <= figures.MOST_MARKS
-    assert {int(y.argmax()), int(y.argmin()), 0, 4999} <= set(drawn)
-    assert thin.notes == (
+    assert {int(y.argmax()), int(y.argmin()), 0, 4999} <= set(drawn.tolist())
+    assert note == (
         f"{len(drawn)} of 5000 points are drawn, evenly chosen from each series; the table has all of them.",
     )
-
-
-@pytest.mark.parametrize(
-    ("look", "scale"), [(Look(log="y"), "log"), (Look(), None), (Look(span=(-10.0, 10.0)), None)]
-)
-def test_scales(look, scale):
-    y = layers(plot("t", "c", CURVES, "depth (mm)", "force (N)", look))["point"]["encoding"]["y"]["scale"]
-    assert y.get("type") == scale
-    assert y.get("domain") == (list(look.span) if look.span else None)
+    few, note = figures.thinned(CURVES, "force (N)")
+    assert few["drawn"].all()
+    assert not note
 
 
 def test_a_map_tells_the_classes_of_errors_apart_and_marks_failed_cases():
@@ -91,17 +115,19 @@ def test_a_map_tells_the_classes_of_errors_apart_and_marks_failed_cases():
 
 def test_names_with_dots_and_brackets_are_columns():
     data = pd.DataFrame({"x [mm]": [1.0, 2.0], "gain over that at 0.1 Hz": [1.0, 2.0]})
-    point = layers(plot("t", "c", data, "x [mm]", "gain over that at 0.1 Hz"))["point"]["encoding"]
+    point = curves(data, "x [mm]", "gain over that at 0.1 Hz", Axes(line=False))[0].to_dict()["encoding"]
     assert point["x"]["field"] == r"x \[mm\]"
     assert point["y"]["field"] == r"gain over that at 0\.1 Hz"
+    assert [one["field"] for one in point["tooltip"]] == [r"x \[mm\]", r"gain over that at 0\.1 Hz"]
 
 
 @pytest.mark.parametrize(
     "figure",
     [
-        plot("Lines", "", CURVES, "depth (mm)", "force (N)", Look(log="y", guides=figures.bands(5, 10))),
-        plot("Names", "", CURVES, "force (N)", "series", Look(line=False)),
-        plot("Panels", "", CURVES.assign(panel=CURVES["series"]), "depth (mm)", "force (N)", Look(shared=False)),
+        figure("Lines", lines(CURVES, *figures.bands())),
+        figure("Logarithmic", lines(CURVES, *figures.rule("x", 2.0, "here"), log=True)),
+        figure("Names", alt.Chart().mark_point().encode(x="force (N)", y="series")),
+        figure("Panels", lines(CURVES), CURVES.assign(panel=CURVES["series"]), shared=False),
         heat("Map", "", ERRORS, ("L/D", "depth/D"), "error (%)", edges=ERROR_EDGES),
         heat("Values", "", ERRORS.assign(panel="one"), ("L/D", "depth/D"), "error (%)"),
         spots("Spots", "", ERRORS, ("L/D", "depth/D"), "error (%)", ERROR_EDGES),
@@ -122,24 +148,21 @@ def test_a_picture_has_marks_of_the_colours(figure, tmp_path, monkeypatch):
 def test_many_figures_fit_a_page(tmp_path, monkeypatch):
     """Two columns of figures of few panels, and those of many below them; A4 is 1.41 times as high as wide."""
     monkeypatch.setattr(figures, "SCALE", 0.5)
-    panels = pd.concat([CURVES.assign(panel=name) for name in "abc"])
-    whole = [plot(f"{k}", "", CURVES, "depth (mm)", "force (N)") for k in range(4)]
-    figures.save(tmp_path / "one.png", [*whole, plot("wide", "", panels, "depth (mm)", "force (N)")])
+    three = pd.concat([CURVES.assign(panel=name) for name in "abc"])
+    whole = [figure(f"{k}", lines(CURVES)) for k in range(4)]
+    figures.save(tmp_path / "one.png", [*whole, figure("wide", lines(CURVES), three)])
     width, height = Image.open(tmp_path / "one.png").size
     assert 1.0 < height / width < 2**0.5
 
 
-def test_labels_of_points_and_guides_stay_apart_and_inside():
+def test_labels_of_points_stay_apart_and_inside():
     data = pd.DataFrame(
-        {"x": [0.0, 0.1, 5.0, 10.0], "y": [1.0, 1.0, 3.0, 1.0], "label": ["first", "second", "", "last"]}
+        {"x": [0.0, 2.0, 2.3, 10.0], "y": [3.0, 1.0, 1.0, 1.0], "label": ["", "first", "second", "last"]}
     )
-    look = Look(line=False, guides=(figures.Guide("x", 9.9, "limit"), figures.Guide("x", 2.0, "low")))
-    figure = plot("t", "c", data, "x", "y", look)
-    rows = figure.chart.to_dict()["datasets"].popitem()[1]
-    # the first label keeps clear of the second point
-    assert [row["side"] for row in rows] == ["left", "right", "", "right"]
-    texts = [layer["mark"] for layer in figure.chart.to_dict()["layer"] if layer["mark"]["type"] == "text"]
-    assert {mark["text"]: mark["align"] for mark in texts if "text" in mark} == {"limit": "right", "low": "left"}
+    # the first label keeps clear of the second point, the last one of the frame
+    assert figures.beside(data, "x", "y")["side"].tolist() == ["", "left", "right", "left"]
+    base = alt.Chart(data).encode(x="x", y="y")
+    assert {layer.to_dict()["mark"]["align"] for layer in figures.labels(base)} == {"left", "right", "center"}
 
 
 # Figures of the studies: what they hold of the tables that the verbs write, and what they say.
@@ -187,27 +210,31 @@ def test_gains_are_over_the_lowest_frequency_and_phases_are_those_to_the_force()
 # sizing
 
 FRONT = parse("""
-rank,point,status,D_mm,L_mm,magnet,silicone,hall_part,outer_size_mm,fem_range_z_N,fem_resolution_z_mN,range_z_difference_percent
-1,1,ok,8,9,disc 4 x 2,Dragon Skin 30,SS495A,12,6,4,1.5
-2,2,ok,9,9,disc 5 x 2,,SS495A,14,8,9,-2
-,3,failed,6,9,,,,9,3,2,-6
+rank,point,status,reason,D_mm,L_mm,magnet,silicone,hall_part,outer_size_mm,fem_range_z_N,fem_resolution_z_mN,range_z_difference_percent
+1,1,ok,,8,9,disc 4 x 2,Dragon Skin 30,SS495A,12,6,4,1.5
+2,2,ok,,9,9,disc 5 x 2,,SS495A,14,8,9,-2
+3,3,ok,whether least_yield is met is unknown,9,8,disc 5 x 2,,SS495A,13,7,8,1
+,4,failed,force_z is missed,6,9,,,,9,3,2,-6
 """)
 
 
-def test_front_tells_the_best_from_the_removed():
+def test_front_tells_the_best_from_the_removed_and_from_what_is_unknown():
     resolution, size, differences = sizing_figures.front(FRONT)
     assert resolution.data["series"].tolist() == [
         "best variant",
         "meets all requirements",
+        "unknown whether it meets all",
         "removed by finite elements",
     ]
-    assert resolution.data["label"].tolist() == ["1", "2", ""]
-    assert resolution.data["range z (N)"].tolist() == [6, 8, 3]
-    assert resolution.caption.startswith("2 of 3 variants")
+    assert resolution.data["label"].tolist() == ["1", "2", "3", ""]
+    assert resolution.data["range z (N)"].tolist() == [6, 8, 7, 3]
+    assert resolution.caption.startswith(
+        "2 of 4 variants of the front meet all requirements by finite elements; of 1 more"
+    )
     assert "D 8 mm, L 9 mm, disc 4 x 2" in resolution.caption
     assert "outer size (mm)" in size.data
     assert "range z, -6 %" in differences.caption
-    assert len(differences.data) == 3
+    assert len(differences.data) == 4
 
 
 # sensitivity

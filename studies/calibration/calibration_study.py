@@ -35,7 +35,7 @@ from studies.inputs.units import IN_HEADS
 from studies.inputs.user_input import design_text, pairs, parse_numbers
 from studies.output import page_templates
 from studies.output.atomic_files import write_text
-from studies.output.figures import Figure, Guide, Look, plot, save
+from studies.output.figures import FREE, LOG, Figure, panels, rule, save, styles, thinned
 from studies.output.result import Result, Rows, Table
 from studies.parts.part_tolerances import Tolerances
 from studies.parts.requirements import LIGHTEST, Requirements, design_table, full_scale
@@ -763,31 +763,31 @@ def _curve(curve: Rows) -> list[FlatRow]:
 
 def figures(truth: Array, force: Array, curve: Rows) -> list[Figure]:
     """Return errors over measured forces (n, 3) of held-out rows, and the learning curve if there is one."""
+    import altair as alt
     import pandas as pd
 
     shown = pd.DataFrame(truth, columns=list("xyz")).melt(var_name="series", value_name="measured force (N)")
     shown["series"] = shown["panel"] = "F" + shown.series
     shown["error (N)"] = (force - truth).T.ravel()
-    errors = plot(
+    shown = shown.dropna(ignore_index=True)
+    drawn, note = thinned(shown, "error (N)")
+    points = alt.Chart().transform_filter("datum.drawn").mark_point().encode(
+        x=alt.X("measured force (N)", **FREE), y=alt.Y("error (N)", **FREE), **styles(shown["series"])
+    )  # fmt: skip
+    errors = Figure(
         "Error of decoded forces",
         "Decoded less measured force of rows that the calibration has not seen, over the measured force.",
-        shown.dropna(subset="measured force (N)"),
-        "measured force (N)",
-        "error (N)",
-        Look(line=False, guides=(Guide("y", 0.0, ""),), shared=False),
+        panels(alt.layer(*rule("y", 0.0), points), drawn, shared=False),
+        shown,
+        note,
     )
     if not regression_study.is_curve(curve):
         return [errors]
-    learned = pd.DataFrame(curve).rename(
-        columns={"training_rows": "training rows (1)", "rmse_N": "RMSE on held-out rows (N)"}
-    )
-    learned = learned.groupby(["method", "training rows (1)"], sort=True)["RMSE on held-out rows (N)"].mean()
-    learning = plot(
-        "Learning curve",
-        "Mean error on held-out rows over the number of rows that a method was given.",
-        learned.reset_index().rename(columns={"method": "series"}),
-        "training rows (1)",
-        "RMSE on held-out rows (N)",
-        Look(log="xy"),
-    )
-    return [errors, learning]
+    rows, error = "training rows", "RMSE on held-out rows (N)"
+    learned = pd.DataFrame(curve).rename(columns={"training_rows": rows, "rmse_N": error, "method": "series"})
+    learned = learned.groupby(["series", rows], sort=True)[error].mean().dropna().reset_index()
+    lines = alt.Chart(learned).mark_line(point=True).encode(
+        x=alt.X(rows, **LOG), y=alt.Y(error, **LOG), **styles(learned["series"])
+    )  # fmt: skip
+    about = "Mean error on held-out rows over the number of rows that a method was given."
+    return [errors, Figure("Learning curve", about, lines, learned)]

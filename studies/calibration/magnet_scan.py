@@ -29,7 +29,7 @@ from geometry.messages import Progress
 from studies.inputs.table_input import Measured, split_head
 from studies.inputs.units import IN_HEADS
 from studies.output import page_templates
-from studies.output.figures import Figure, Look, picture, plot
+from studies.output.figures import FREE, Figure, picture, styles, thinned
 from studies.output.result import Result, Table
 
 if TYPE_CHECKING:
@@ -166,20 +166,17 @@ def run(design: Design, file: Path, progress: Progress) -> Result:
 
 def figures(table: pd.DataFrame) -> list[Figure]:
     """Return what was measured less what was fitted, by axis, over the way of the stage."""
+    import altair as alt
+
     first = table.loc[[0], ["x_mm", "y_mm", "z_mm"]].to_numpy()
-    way = np.linalg.norm(table[["x_mm", "y_mm", "z_mm"]].to_numpy() - first, axis=1)
-    shown = table.assign(**{
-        "distance from the first position (mm)": way,
-        "measured less fitted (mT)": table.measured_mT - table.fitted_mT,
+    x, y = "distance from the first position (mm)", "measured less fitted (mT)"
+    data = table.assign(**{
+        x: np.linalg.norm(table[["x_mm", "y_mm", "z_mm"]].to_numpy() - first, axis=1),
+        y: table.measured_mT - table.fitted_mT,
         "series": "B" + table.axis,
-    })  # fmt: skip
-    return [
-        plot(
-            "Residuals of the scan",
-            "Measured less fitted flux density of each axis.",
-            shown,
-            "distance from the first position (mm)",
-            "measured less fitted (mT)",
-            Look(line=False),
-        )
-    ]
+    }).dropna(subset=[x, y], ignore_index=True)  # fmt: skip
+    drawn, note = thinned(data, y)
+    chart = alt.Chart(drawn).transform_filter("datum.drawn").mark_point().encode(
+        x=x, y=alt.Y(y, **FREE), **styles(data["series"])
+    )  # fmt: skip
+    return [Figure("Residuals of the scan", "Measured less fitted flux density of each axis.", chart, data, note)]

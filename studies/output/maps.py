@@ -1,6 +1,7 @@
 """Maps: cells of two axes of which a value is shown by colours (`heat`), and points with such colours (`spots`).
 
-Tables have the columns that `studies.output.figures` names.
+Columns of tables: those of the axes and of the value, and `panel`, `failed` (a grey cell with a cross) and `doubted`
+(a cell with a dot) if there are some.
 """
 
 from __future__ import annotations
@@ -8,28 +9,14 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Mapping, Sequence
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from studies.output.figures import (
-    HALF,
-    LETTER,
-    WIDE,
-    WIDTH,
-    Figure,
-    Look,
-    channel,
-    escaped,
-    faceted,
-    is_named,
-    readout,
-    short,
-    wrapped,
-)
+from studies.output.figures import FREE, WIDTH, Figure, escaped, is_named, panels, short
 
 if TYPE_CHECKING:
+    import altair as alt
     import pandas as pd
 
 ERROR_EDGES = (-50.0, -20.0, -10.0, -5.0, 5.0, 10.0, 20.0, 50.0)
@@ -41,6 +28,8 @@ ERROR_COLOURS = (
 """Colours of these classes: blue below, orange above, readable with any colour vision."""
 MOST_CELLS = 6
 """Number of evenly spaced values beyond which an axis of a map has round numbers in place of those of the cells."""
+WIDE = 30.0
+"""Ratio of the greatest to the least value from which colours, and the axes of a sweep, are logarithmic."""
 EVEN = 0.02
 """Relative difference of steps up to which values are evenly spaced, because tables round them."""
 
@@ -68,48 +57,41 @@ def heat(
     """
     import altair as alt
 
-    x, y = axes
-    wide, high = (len(data[name].unique()) for name in axes)
-    panels = list(dict.fromkeys(data["panel"])) if "panel" in data else []
-    columns = 2 if len(panels) == 4 else min(columns, len(panels)) or 1
+    wide, high = (data[name].nunique() for name in axes)
+    count = data["panel"].nunique() if "panel" in data else 1
+    width = min(WIDTH / (2 if count == 4 else min(columns, count) or 1) - 20, 60.0 * wide)
+    height = min(max(120.0, 26.0 * high), 300.0)
+    across, up = width / (wide or 1), height / (high or 1)
     known = data[value].notna() if is_named(data, value) else np.isfinite(data[value].astype(float))
     cells = _with_edges(data, axes)
     if edges:
         cells = cells.assign(shade=_classes(cells, known, value, edges))
-
-    def chart(whole: int = WIDTH) -> Any:
-        width = min(whole / columns - 20, 60.0 * wide)
-        height = min(max(120.0, min(300.0, 26.0 * high)), 300.0 if whole == WIDTH else 180.0)
-        size = width / wide, height / high
-        base = alt.Chart().encode(tooltip=readout(data, [name for name in ("panel", x, y, value) if name in data]))
-        area = base.encode(**_cell(cells, axes, size, edges=True))
-        middle = base.encode(**_cell(cells, axes, size))
-        valid = f"isValid(datum[{value!r}])"
-        layers = [
-            area.transform_filter(valid).mark_rect().encode(color=_colour(data[known], value, edges, colours, whole))
-        ]
-        if "failed" in data:
-            layers.append(area.transform_filter("datum.failed").mark_rect(color="#bbbbbb"))
-            layers.append(middle.transform_filter("datum.failed").mark_text(text="\u00d7", style="label", aria=False))
-        if "doubted" in data:
-            # in a corner of the cell, beside its number
-            dots = middle.transform_filter("datum.doubted").mark_circle(
-                size=16, opacity=1, stroke="white", strokeWidth=0.8, aria=False,
-                xOffset=0.4 * size[0], yOffset=-0.3 * size[1],
-            )  # fmt: skip
-            layers.append(dots.encode(color=alt.value("#1b1f24")))
-        if not colours and size[0] >= (32 if edges else 44) and size[1] >= 14:
-            numbered = middle.transform_filter(valid).mark_text(fontSize=11, aria=False)
-            number = alt.Text(field=escaped(value), type="quantitative", format=".2~r" if edges else ".3~r")
-            dark = _dark(data.loc[known, value], value, edges)
-            ink = alt.condition(dark, alt.value("white"), alt.value("#1b1f24"))
-            layers.append(numbered.encode(text=number, color=ink))
-        made = alt.layer(*layers).properties(width=width, height=height, view=alt.ViewBackground(strokeOpacity=0))
-        return faceted(made, cells, panels, columns, shared=True)
-
+    base = alt.Chart()
+    middle = base.encode(**_cell(cells, axes))
+    area = base.encode(**_cell(cells, axes, edges=True)).mark_rect()
+    valid = f"isValid(datum[{value!r}])"
+    layers = [area.transform_filter(valid).encode(color=_colour(data[known], value, edges, colours))]
+    if "failed" in data:
+        layers.append(area.transform_filter("datum.failed").encode(color=alt.value("#bbbbbb")))
+        layers.append(middle.transform_filter("datum.failed").mark_text(text="\u00d7", style="label", aria=False))
+    if "doubted" in data:
+        # in a corner of the cell, beside its number
+        dots = middle.transform_filter("datum.doubted").mark_circle(
+            size=16, opacity=1, stroke="white", strokeWidth=0.8, aria=False, xOffset=0.4 * across, yOffset=-0.3 * up
+        )  # fmt: skip
+        layers.append(dots.encode(color=alt.value("#1b1f24")))
+    if numbered := not colours and across >= (32 if edges else 44) and up >= 14:
+        digits = alt.Text(field=escaped(value), type="quantitative", format=".2~r" if edges else ".3~r")
+        dark = _dark(data.loc[known, value], value, edges)
+        ink = alt.when(dark).then(alt.value("white")).otherwise(alt.value("#1b1f24"))
+        layers.append(
+            middle.transform_filter(valid).mark_text(fontSize=11, aria=False).encode(text=digits, color=ink)
+        )
+    map_ = alt.layer(*layers).properties(width=width, height=height, view=alt.ViewBackground(strokeOpacity=0))
     notes = [note for name, note in marked.items() if name in data and bool(data[name].any())]
-    half = partial(chart, HALF) if len(panels) <= 2 else None
-    return Figure(title, caption, chart(), data, tuple(notes), half=half)
+    # numbers and dots need the size that they were placed for
+    fixed = numbered or "doubted" in data
+    return Figure(title, caption, panels(map_, cells, columns), data, tuple(notes), wide=fixed)
 
 
 def spots(
@@ -120,14 +102,11 @@ def spots(
 
     known = np.isfinite(data[value].astype(float))
     points = data[known].assign(shade=_classes(data[known], known[known], value, edges))
-    colour = _colour(points, value, edges, {}, WIDTH)
     x, y = axes
     chart = alt.Chart(points).mark_point(stroke="#555555", strokeWidth=0.6, size=60).encode(
-        x=channel(alt.X, points, x, Look(), WIDTH * 0.75, 8),
-        y=channel(alt.Y, points, y, Look(), 300, 6),
-        color=colour, tooltip=readout(points, [x, y, value]),
+        x=alt.X(x, **FREE), y=alt.Y(y, **FREE), color=_colour(points, value, edges, {})
     )  # fmt: skip
-    return Figure(title, caption, chart.properties(width=WIDTH * 0.75, height=300), data[known])
+    return Figure(title, caption, chart.properties(width=WIDTH * 0.75), data[known], wide=True)
 
 
 def _with_edges(data: pd.DataFrame, axes: tuple[str, str]) -> pd.DataFrame:
@@ -145,31 +124,26 @@ def _with_edges(data: pd.DataFrame, axes: tuple[str, str]) -> pd.DataFrame:
     return data
 
 
-def _cell(data: pd.DataFrame, axes: tuple[str, str], size: tuple[float, float], *, edges: bool = False) -> Any:
-    """Return the channels of the cells of a map: their `edges`, or their middle; `size` in pixels."""
+def _cell(data: pd.DataFrame, axes: tuple[str, str], *, edges: bool = False) -> dict[str, Any]:
+    """Return the channels of the cells of a map: their `edges`, or their middle."""
     import altair as alt
 
     channels: dict[str, Any] = {}
     for way, kind, name in (("x", alt.X, axes[0]), ("y", alt.Y, axes[1])):
         low, high = f"{name} low", f"{name} high"
         if low not in data:
-            channels[way] = kind(**_cell_axis(data, name, size["xy".index(way)], descending=way == "y"))
+            channels[way] = kind(**_cell_axis(data, name, descending=way == "y"))
             continue
         ends = [float(data[low].min()), float(data[high].max())]
-        pixels = size[way == "y"] * len(np.unique(data[name]))
-        channels[way] = kind(
-            field=escaped(low if edges else name),
-            type="quantitative",
-            scale=alt.Scale(domain=ends, nice=False, zero=False),
-            axis=alt.Axis(tickCount=max(3, int(pixels / (60 if way == "x" else 30))), grid=False),
-            title=wrapped(name, pixels),
-        )
+        scale, axis = alt.Scale(domain=ends, nice=False, zero=False), alt.Axis(grid=False)
+        field = escaped(low if edges else name)
+        channels[way] = kind(field=field, type="quantitative", scale=scale, axis=axis, title=name)
         if edges:
             channels[f"{way}2"] = (alt.X2 if way == "x" else alt.Y2)(field=escaped(high))
     return channels
 
 
-def _cell_axis(data: pd.DataFrame, name: str, size: float, *, descending: bool) -> dict[str, Any]:
+def _cell_axis(data: pd.DataFrame, name: str, *, descending: bool) -> dict[str, Any]:
     import altair as alt
 
     # cells without a value have a place, too
@@ -177,8 +151,7 @@ def _cell_axis(data: pd.DataFrame, name: str, size: float, *, descending: bool) 
     texts = {} if is_named(data, name) else {"labelExpr": "format(datum.value, '.4~g')"}
     axis = alt.Axis(labelAngle=0, labelOverlap=True, ticks=False, **texts)
     scale = alt.Scale(domain=values[::-1] if descending else values)
-    title = wrapped(name, size * len(values))
-    return {"field": escaped(name), "type": "ordinal", "scale": scale, "sort": None, "axis": axis, "title": title}
+    return {"field": escaped(name), "type": "ordinal", "scale": scale, "sort": None, "axis": axis, "title": name}
 
 
 def _dark(values: pd.Series, value: str, edges: Sequence[float]) -> str:
@@ -201,8 +174,8 @@ def _classes(data: pd.DataFrame, known: Any, value: str, edges: Sequence[float])
     return [names[k] if some else None for k, some in zip(numbers, known, strict=True)]
 
 
-def _colour(data: pd.DataFrame, value: str, edges: Sequence[float], colours: Mapping[str, str], whole: int) -> Any:
-    """Return the colours of known values, that of their class if there are `edges`, with a legend `whole` wide."""
+def _colour(data: pd.DataFrame, value: str, edges: Sequence[float], colours: Mapping[str, str]) -> alt.Color:
+    """Return the colours of known values, those of their classes if there are `edges`."""
     import altair as alt
 
     if not edges and not colours:
@@ -211,13 +184,10 @@ def _colour(data: pd.DataFrame, value: str, edges: Sequence[float], colours: Map
         legend = alt.Legend(title=value, gradientLength=220)
         return alt.Color(field=escaped(value), type="quantitative", scale=scale, legend=legend)
     names, shades = (list(colours), list(colours.values())) if colours else (_names(edges), list(ERROR_COLOURS))
-    columns = max(1, int(whole / (LETTER * max(map(len, names)) + 34)))
-    # the class around zero is nearly white
-    legend = alt.Legend(columns=columns, title=value, symbolStrokeColor="#999999", symbolStrokeWidth=1)
-    scale = alt.Scale(domain=names, range=shades)
-    return alt.Color(
-        field=escaped(value if colours else "shade"), type="nominal", scale=scale, legend=legend, sort=None
-    )
+    # all classes, also those without a cell; that around zero is nearly white
+    legend = alt.Legend(values=names, title=value, symbolStrokeColor="#999999", symbolStrokeWidth=1)
+    scale, field = alt.Scale(domain=names, range=shades), escaped(value if colours else "shade")
+    return alt.Color(field=field, type="nominal", scale=scale, legend=legend, sort=None)
 
 
 def _gradual(values: pd.Series) -> tuple[Any, float, float]:

@@ -18,7 +18,19 @@ from geometry.loads import tilts_of
 from geometry.messages import Progress
 from studies.inputs.option_groups import Basis, LayoutParts
 from studies.output import page_templates
-from studies.output.figures import COLOURS, Figure, Guide, Look, numbers, picture, plot, save, texts
+from studies.output.figures import (
+    COLOURS,
+    FREE,
+    LOG,
+    Figure,
+    numbers,
+    panels,
+    picture,
+    rule,
+    save,
+    styles,
+    texts,
+)
 from studies.output.maps import heat
 from studies.output.records import FlatRow
 from studies.output.result import Result, Table, Writer
@@ -248,6 +260,7 @@ def _limited(values: np.ndarray) -> np.ndarray:
 
 def claim_figures(table: pd.DataFrame, c: float) -> list[Figure]:
     """Return the ambiguous share of the workspace over c, of the rows of claim.csv, with the given c, mm, marked."""
+    import altair as alt
     import pandas as pd
 
     x, y = "height c of S2 and S3 over S1 (mm)", "ambiguous poses (%)"
@@ -258,5 +271,7 @@ def claim_figures(table: pd.DataFrame, c: float) -> list[Figure]:
         "panel": [f"magnet {height:g} mm high, l0 = {l0:g} mm" for height, l0 in magnets],
         "series": texts(table, "readings"),
     })  # fmt: skip
-    look = Look(log="y", columns=1, guides=(Guide("x", c, "the given layout"),))
-    return [plot("Ambiguous share of the workspace", f"{NONE:g} % stands for none.", data, x, y, look)]
+    data = data.dropna(subset=[x, y], ignore_index=True)
+    lines = alt.Chart().mark_line(point=True).encode(x=alt.X(x, **FREE), y=alt.Y(y, **LOG), **styles(data["series"]))
+    chart = panels(alt.layer(*rule("x", c, "the given layout"), lines), data, columns=1)
+    return [Figure("Ambiguous share of the workspace", f"{NONE:g} % stands for none.", chart, data)]

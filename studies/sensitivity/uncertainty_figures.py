@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from geometry.loads import ANSWERED
-from studies.output.figures import Figure, Guide, Look, numbers, plot, texts
+from studies.output.figures import FREE, Figure, numbers, panels, rule, styles, texts
 from studies.output.text_tables import quantity_name, with_unit
 
 if TYPE_CHECKING:
@@ -20,26 +20,28 @@ MADE = {
 }
 """Quantities of made sensors that are drawn, by the middle of their columns' names."""
 VALUE, BELOW = "sensitivity or force error", "sensors below (%)"
+ORDERS = ("first order", "total order")
 MOST_STEPS = 200
 """Number of points of a distribution: a curve needs no more."""
 
 
 def sobol(table: pd.DataFrame) -> list[Figure]:
     """Return the indices of first and total order of each input, a panel for each output."""
+    import altair as alt
     import pandas as pd
 
     known = table[numbers(table, "total_order").notna()]
     index = "index (share of the variance)"
     orders = [
         pd.DataFrame({
-            index: numbers(known, f"{order}_order"),
+            index: numbers(known, order.replace(" ", "_")),
             "input": texts(known, "input").str.replace("_", " "),
             "panel": texts(known, "output").map(quantity_name),
-            "series": f"{order} order",
-            "low": numbers(known, f"{order}_order_low"),
-            "high": numbers(known, f"{order}_order_high"),
+            "series": order,
+            "low": numbers(known, f"{order} low".replace(" ", "_")),
+            "high": numbers(known, f"{order} high".replace(" ", "_")),
         })
-        for order in ("first", "total")
+        for order in ORDERS
     ]  # fmt: skip
     data = pd.concat(orders, ignore_index=True)
     sentences = []
@@ -54,9 +56,11 @@ def sobol(table: pd.DataFrame) -> list[Figure]:
     if len(doubtful):
         names = dict.fromkeys(quantity_name(output).partition(" (")[0] for output in doubtful)
         caption += f" Do not read those of {', '.join(names)}: the model's error exceeds the variation."
-    return [
-        plot("Sobol indices", caption, data, index, "input", Look(line=False, across=True, guides=(Guide("x", 0.0),)))
-    ]
+    orders_of = alt.Chart().encode(y=alt.Y("input", sort=None), yOffset=alt.YOffset("series:N", sort=None))
+    bars = orders_of.mark_rule().encode(x=alt.X("low", title=index), x2="high", **styles(ORDERS, "color"))
+    points = orders_of.mark_point().encode(x=index, **styles(ORDERS))
+    chart = alt.layer(*rule("x", 0.0), bars, points).properties(height=alt.Step(11))
+    return [Figure("Sobol indices", caption, panels(chart, data), data)]
 
 
 def _lost(table: pd.DataFrame) -> str:
@@ -66,6 +70,7 @@ def _lost(table: pd.DataFrame) -> str:
 
 def morris(table: pd.DataFrame) -> list[Figure]:
     """Return sigma over mu* of each input, a panel for each output."""
+    import altair as alt
     import pandas as pd
 
     known = table[numbers(table, "mu_star").notna()]
@@ -83,12 +88,16 @@ def morris(table: pd.DataFrame) -> list[Figure]:
         "Right: inputs that matter. Up: inputs whose effect depends on the others or is not linear. "
         f"{star} and {sigma} have the unit that stands over their panel. Bars are 95 % intervals; {_lost(table)}."
     )
-    look = Look(line=False, across=True, shared=False)
-    return [plot("Morris' effects by finite elements", caption, data, star, sigma, look)]
+    inputs = list(data["series"])
+    bars = alt.Chart().mark_rule().encode(x=alt.X("low", title=star), x2="high", y=sigma, **styles(inputs, "color"))
+    points = alt.Chart().mark_point().encode(x=star, y=sigma, **styles(inputs))
+    chart = alt.layer(bars, points)
+    return [Figure("Morris' effects by finite elements", caption, panels(chart, data, shared=False), data)]
 
 
 def made_sensors(table: pd.DataFrame) -> list[Figure]:
     """Return the distribution of sensitivity and force errors of made sensors, a line for each axis."""
+    import altair as alt
     import pandas as pd
 
     parts, sentences = [], []
@@ -111,6 +120,10 @@ def made_sensors(table: pd.DataFrame) -> list[Figure]:
         f"Share of {len(table)} made sensors below a value; {failed} failed and count as above every value. 95 % of "
         f"the sensors that work have a force error after zeroing of at most: {', '.join(sentences)}."
     )
-    data = pd.concat(parts, ignore_index=True) if parts else pd.DataFrame({VALUE: [], BELOW: []})
-    look = Look(shared=False, dashed=True, guides=(Guide("y", 95.0, "95 %"),))
-    return [plot("Sensors made within their tolerances", caption, data, VALUE, BELOW, look)]
+    data = pd.concat(parts, ignore_index=True) if parts else pd.DataFrame({VALUE: [], BELOW: [], "series": []})
+    # each point is a step of one sensor: lines have no markers
+    lines = alt.Chart().mark_line(point="transparent").encode(
+        x=alt.X(VALUE, **FREE), y=BELOW, **styles(data["series"], "color", "strokeDash")
+    )  # fmt: skip
+    chart = panels(alt.layer(*rule("y", 95.0, "95 %"), lines), data, shared=False)
+    return [Figure("Sensors made within their tolerances", caption, chart, data)]

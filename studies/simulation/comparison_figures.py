@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from geometry.loads import ANSWERED
-from studies.output.figures import Figure, Look, bands, long, numbers, plot
+from studies.output.figures import FREE, SHADES, Figure, bands, long, numbers, panels, styles
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -20,7 +20,6 @@ NAMES = {
     "untilted": "finite elements, tilt left out",
 }
 """Names of the models by the prefixes of their columns, in the order of their colours and markers."""
-STYLES = Look(names=tuple(NAMES.values()))
 JUDGED = {"": "against rigid magnet", "homogeneous_": "against all silicone"}
 """Names of the finite elements by the prefixes of the formulas' errors."""
 READING = re.compile(r"fem_(.+)_V$")
@@ -53,6 +52,8 @@ def shear(table: pd.DataFrame) -> list[Figure]:
 
 def states(table: pd.DataFrame) -> list[Figure]:
     """Return force and magnet's motion over the load of states that `solve --json` printed."""
+    import altair as alt
+
     shears = numbers(table, "shear_mm").fillna(0.0)
     sheared = bool(np.ptp(shears) > 0)
     x = ("shear_mm", "shear (mm)") if sheared else ("depth_mm", "depth (mm)")
@@ -63,20 +64,23 @@ def states(table: pd.DataFrame) -> list[Figure]:
         ("Motion of the magnet in the solved states", ("shift_x_mm", "shift_z_mm"), "motion of the magnet (mm)"),
     ):
         names = {name: f"along {'x' if '_x_' in name else 'z'}" for name in columns}
-        data = long(solved, x, unit, names, "panel")
-        if sheared:
-            depths = numbers(solved, "depth_mm").map("depth {:g} mm".format)
-            data["series"] = [*depths] * (len(data) // max(len(solved), 1))
+        depths = {"series": numbers(solved, "depth_mm").map("depth {:g} mm".format)} if sheared else {}
+        data = long(solved, x, unit, names, "panel", **depths)
+        looks = styles(data["series"]) if sheared else {}
         caption = f"{len(solved)} of {len(table)} states were reached."
-        figures.append(plot(title, caption, data, x[1], unit))
+        lines = alt.Chart().mark_line(point=True).encode(x=alt.X(x[1], **FREE), y=alt.Y(unit, **FREE), **looks)
+        figures.append(Figure(title, caption, panels(lines, data), data))
     return figures
 
 
 def _models(
     table: pd.DataFrame, title: str, x: tuple[str, str], quantity: str, label: str, caption: str = ""
 ) -> Figure:
+    import altair as alt
+
     data = long(table, x, label, {f"{prefix}_{quantity}": name for prefix, name in NAMES.items()})
-    return plot(title, caption or _last_sentence(data, x[1], label), data, x[1], label, STYLES)
+    chart = alt.Chart(data).mark_line(point=True).encode(x=x[1], y=label, **styles(NAMES.values()))
+    return Figure(title, caption or _last_sentence(data, x[1], label), chart, data)
 
 
 def _last_sentence(data: pd.DataFrame, x: str, label: str) -> str:
@@ -107,6 +111,8 @@ def _force_sentence(table: pd.DataFrame) -> str:
 
 
 def _errors(table: pd.DataFrame, title: str, x: tuple[str, str], error: str) -> Figure:
+    import altair as alt
+
     sentences = []
     for prefix, name in JUDGED.items():
         judged = numbers(table, prefix + error).dropna()
@@ -116,22 +122,24 @@ def _errors(table: pd.DataFrame, title: str, x: tuple[str, str], error: str) -> 
             sentences.append(f"{name}: {within} of {len(judged)} states within 5 %, largest error {worst:+z.0f} %")
     caption = f"Error of the paper's formula against finite elements, {'; '.join(sentences)}." if sentences else ""
     data = long(table, x, "error (%)", {prefix + error: name for prefix, name in JUDGED.items()})
-    names = (JUDGED[""], "", JUDGED["homogeneous_"])
-    return plot(title, caption, data, x[1], "error (%)", Look(guides=bands(5, 10), names=names))
+    # the styles of the finite elements in the other figures
+    looks = styles((JUDGED[""], "", JUDGED["homogeneous_"]))
+    lines = alt.Chart().mark_line(point=True).encode(x=x[1], y="error (%)", **looks)
+    return Figure(title, caption, alt.layer(*bands(), lines, data=data), data, (SHADES,))
 
 
 def _readings(table: pd.DataFrame, title: str, x: tuple[str, str]) -> Figure:
+    import altair as alt
     import pandas as pd
 
     volts = any(READING.match(name) for name in table.columns)
     unit, label = ("V", "output (V)") if volts else ("mT", "field at the element (mT)")
     elements = [found[1] for name in table.columns if (found := (READING if volts else FIELD).match(name))]
     parts = [
-        long(table, x, label, {f"{prefix}_{element}_{unit}": name for prefix, name in NAMES.items()}).assign(
-            panel=element
-        )
+        long(table, x, label, {f"{prefix}_{element}_{unit}": name for prefix, name in NAMES.items()}, panel=element)
         for element in elements
     ]
     caption = "The field model is the same for all: differences come from where the models place the magnet."
     data = pd.concat(parts, ignore_index=True) if parts else long(table, x, label, {})
-    return plot(title, caption, data, x[1], label, STYLES)
+    lines = alt.Chart().mark_line(point=True).encode(x=x[1], y=alt.Y(label, **FREE), **styles(NAMES.values()))
+    return Figure(title, caption, panels(lines, data), data)

@@ -18,7 +18,7 @@ from geometry.design import BadInput, Design
 from geometry.loads import Magnet
 from geometry.messages import Progress
 from studies.output import page_templates
-from studies.output.figures import Figure, Look, long, numbers, picture, plot
+from studies.output.figures import LOG, Figure, long, numbers, picture, styles
 from studies.output.records import FlatRow
 from studies.output.result import Interrupted, Result, Table, failure_of
 
@@ -234,6 +234,8 @@ def page(rows: Sequence[FlatRow]) -> str:
 
 def figures(table: pd.DataFrame) -> list[Figure]:
     """Return critical depths and forces over slenderness, beside the formulas of buckling; rows of stability.csv."""
+    import altair as alt
+
     depths = {f"{name}_depth_mm": label for name, label in MODELS.items()}
     depths["stable_depth"] = "finite elements, free tip: stable at least to here"
     forces = {f"{name}_force_N" if "critical" in name else f"{name}_N": label for name, label in MODELS.items()}
@@ -246,11 +248,13 @@ def figures(table: pd.DataFrame) -> list[Figure]:
             f"The tip gives way sideways at the least depth, {depth[least]:.3g} mm, at L/D = {slenderness[least]:g}. "
             "Beams without a point have no critical depth in the range of the study."
         )
-    look = Look(log="xy", dashed=True, names=tuple(MODELS.values()))
-    return [
-        plot(title, caption, long(table, ("L_over_D", "L/D"), label, columns), "L/D", label, look)
-        for title, label, columns in (
-            ("Critical depth over slenderness", "critical depth (mm)", depths),
-            ("Critical force over slenderness", "critical force (N)", forces),
-        )
-    ]
+    looks = styles((*MODELS.values(), depths["stable_depth"]), "color", "shape", "strokeDash")
+    figures = []
+    for title, label, columns in (
+        ("Critical depth over slenderness", "critical depth (mm)", depths),
+        ("Critical force over slenderness", "critical force (N)", forces),
+    ):
+        data = long(table, ("L_over_D", "L/D"), label, columns)
+        chart = alt.Chart(data).mark_line(point=True).encode(x=alt.X("L/D", **LOG), y=alt.Y(label, **LOG), **looks)
+        figures.append(Figure(title, caption, chart, data))
+    return figures

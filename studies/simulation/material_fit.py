@@ -20,7 +20,7 @@ from geometry.design import SILICONE_E, BadInput, Design
 from geometry.messages import Progress
 from geometry.relaxation import branches_text, range_text
 from studies.output.atomic_files import write_text
-from studies.output.figures import Figure, Guide, Look, plot, save
+from studies.output.figures import FREE, LOG, Figure, markers, rule, save, styles
 from studies.output.literals import one_line, toml
 from studies.output.records import FlatRow
 from studies.output.result import Block, Result, Table
@@ -30,6 +30,7 @@ from studies.simulation.law_regression import MISFIT, Fit, nominal_stress
 from studies.simulation.material_tests import Specimen, Test
 
 if TYPE_CHECKING:
+    import altair as alt
     import pandas as pd
 
 FILES = ("fit.csv", "fit.png", "design.toml")
@@ -125,12 +126,14 @@ def _draw_laws(path: Path, data: Specimen, fits: Sequence[Fit], nu: float) -> No
     whole = {fit.law: (smooth, stress(fit, smooth)) for fit in fits}
     largest = np.abs(data.stress).max()
     left = {fit.law: (data.stretch, 100 * (stress(fit, data.stretch) - data.stress) / largest) for fit in fits}
-    names, points = ("test", *whole), _joined(x, y, {"test": (data.stretch, data.stress)}, whole)
+    names = ("test", *whole)
+    points = _joined(x, y, {"test": (data.stretch, data.stress)}, whole)
+    residuals = _joined(x, rest, left, {})
     save(
         path,
         [
-            plot("Uniaxial test and laws", "", points, x, y, Look(names=names)),
-            plot("What the laws leave over", "", _joined(x, rest, left, {}), x, rest, Look(names=names, guides=ZERO)),
+            Figure("Uniaxial test and laws", "", _tested(points, x, y, names), points),
+            Figure("What the laws leave over", "", _left_over(residuals, x, rest, names), residuals),
         ],
     )
 
@@ -266,7 +269,6 @@ def _draw_branches(path: Path, test: Test, fit: BranchFit) -> None:
     save(path, branch_figures(test, (smooth, curve), at_points))
 
 
-ZERO = (Guide("y", 0.0),)
 PARTS = {"storage": np.real, "loss": np.imag}
 
 
@@ -280,19 +282,41 @@ def branch_figures(test: Test, curve: Curve, at_points: NDArray[Any]) -> list[Fi
         lines = {f"{name}, fit": (smooth, part(fitted)) for name, part in PARTS.items()}
         factors = {"test": (test.at, test.values.imag / test.values.real)}
         data = _joined(x, loss, factors, {"fit": (smooth, fitted.imag / fitted.real)})
+        moduli = _joined(x, y, points, lines)
         return [
-            plot("Moduli of the test and of the branches", "", _joined(x, y, points, lines), x, y, Look(log="xy")),
-            plot("Loss factor", "", data, x, loss, Look(log="x")),
+            Figure("Moduli of the test and of the branches", "", _tested(moduli, x, y, logarithmic="xy"), moduli),
+            Figure("Loss factor", "", _tested(data, x, loss, logarithmic="x"), data),
         ]
     x, y = "time (s)", f"{'modulus E(t)' if test.has_modulus else 'stress'} {unit}"
     rest = "fit less test (% of the largest)"
     left = {"fit": (test.at, 100 * (at_points - test.values) / test.values.max())}
-    data = _joined(x, y, {"test": (test.at, test.values)}, {"fit": curve})
-    look = Look(log="x", guides=ZERO, names=("test", "fit"))
+    data, residuals = _joined(x, y, {"test": (test.at, test.values)}, {"fit": curve}), _joined(x, rest, left, {})
+    chart = _left_over(residuals, x, rest, ("test", "fit"), logarithmic="x")
     return [
-        plot("Relaxation of the test and of the branches", "", data, x, y, Look(log="x")),
-        plot("What the branches leave over", "", _joined(x, rest, left, {}), x, rest, look),
+        Figure("Relaxation of the test and of the branches", "", _tested(data, x, y, logarithmic="x"), data),
+        Figure("What the branches leave over", "", chart, residuals),
     ]
+
+
+def _tested(data: pd.DataFrame, x: str, y: str, names: Sequence[str] = (), logarithmic: str = "") -> alt.LayerChart:
+    """Return the points of a test and the lines of what was fitted to it."""
+    import altair as alt
+
+    names, lines = names or list(data["series"]), set(data["series"][data["joined"]])
+    across, up = (LOG if way in logarithmic else FREE for way in "xy")
+    base = alt.Chart(data).encode(x=alt.X(x, **across), y=alt.Y(y, **up))
+    curves = base.transform_filter("datum.joined").mark_line().encode(**styles(names, "color"))
+    points = base.transform_filter("!datum.joined").mark_point()
+    return curves + points.encode(**styles(names, lines=lines))
+
+
+def _left_over(data: pd.DataFrame, x: str, y: str, names: Sequence[str], logarithmic: str = "") -> alt.LayerChart:
+    """Return what is left over at the points of a test, with a line at zero."""
+    import altair as alt
+
+    across = alt.X(x, **(LOG if logarithmic else FREE))
+    lines = alt.Chart().mark_line(point=markers(data)).encode(x=across, y=y, **styles(names))
+    return alt.layer(*rule("y", 0.0), lines, data=data)
 
 
 def _joined(x: str, y: str, points: Mapping[str, Curve], lines: Mapping[str, Curve]) -> pd.DataFrame:

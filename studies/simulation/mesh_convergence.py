@@ -29,7 +29,7 @@ from geometry.design import BadInput, Design
 from geometry.loads import ANSWERED, Load, Magnet
 from geometry.messages import Progress
 from studies.output import page_templates
-from studies.output.figures import Figure, Guide, Look, numbers, picture, plot, texts
+from studies.output.figures import FREE, LOG, Figure, numbers, panels, picture, rule, styles, texts
 from studies.output.records import FlatRow
 from studies.output.result import Result, Table, collected, failure_of
 
@@ -229,6 +229,7 @@ def richardson(meshes: Sequence[float], values: Sequence[float]) -> tuple[float,
 
 def figures(table: pd.DataFrame) -> list[Figure]:
     """Return the differences of all meshes from the limits over the section size; rows of converge.csv."""
+    import altair as alt
     import pandas as pd
 
     x, y, end = "section size over D", "difference (%)", "_difference_percent"
@@ -246,8 +247,16 @@ def figures(table: pd.DataFrame) -> list[Figure]:
         if math.isfinite(bar):
             ends = pd.DataFrame({x: [part[x].min(), part[x].max()], y: 0.0, "low": -bar, "high": bar})
             parts.append(ends.assign(panel=panel, series=LIMIT, point="limit", joined=True))
-    data = pd.concat(parts, ignore_index=True) if parts else pd.DataFrame({x: [], y: [], "series": []})
+    data = pd.concat(parts, ignore_index=True) if parts else pd.DataFrame({x: [], y: [], "series": [], "joined": []})
     caption = "All edge lengths fall with the section size. Differences are from the limit, else the finest mesh."
     names = (OF_ONE_RATIO, "quick", "standard", "fine", LIMIT)
-    look = Look(log="x", shared=False, guides=(Guide("y", 0.0),), names=names)
-    return [plot("Convergence with the mesh", caption, data, x, y, look)]
+    data = data.dropna(subset=[x, y], ignore_index=True)
+    base = alt.Chart().encode(x=alt.X(x, **LOG), y=alt.Y(y, **FREE))
+    band = base.transform_filter("isValid(datum.low)").mark_area(opacity=0.18).encode(
+        y=alt.Y("low:Q", title=y), y2="high:Q", **styles(names, "color")
+    )  # fmt: skip
+    line = base.transform_filter("datum.joined").mark_line().encode(**styles(names, "color"))
+    points = base.transform_filter("!datum.joined").mark_point().encode(**styles(names, lines=(LIMIT,)))
+    layers = [band, line] if "low" in data else [line]
+    chart = panels(alt.layer(*rule("y", 0.0), *layers, points), data, shared=False)
+    return [Figure("Convergence with the mesh", caption, chart, data)]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from geometry.arrays import Array
-from studies.output.figures import Figure, Guide, Look, numbers, plot, texts
+from studies.output.figures import LOG, Figure, escaped, markers, numbers, panels, rule, styles, texts
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -23,6 +23,8 @@ HIGHEST = 2.0
 
 def response(table: pd.DataFrame) -> list[Figure]:
     """Return gain and phase of the readings over the frequency, a panel for each motion of the plate."""
+    import altair as alt
+
     per_N = [name for name in table.columns if name.endswith("_per_N")]
     forced = any(numbers(table, name).notna().any() for name in per_N)
     unit = "N" if forced else "mm"
@@ -37,24 +39,25 @@ def response(table: pd.DataFrame) -> list[Figure]:
     driver = "force" if forced else "motion of the base"
     idle = _idle(table, gains, names)
     x, gain, phase = "frequency (Hz)", f"gain per {unit} {first}", f"phase to the {driver} (degrees)"
-    band = Guide("x", BAND, f"{BAND:.0f} Hz")
+    band, looks = rule("x", BAND, f"{BAND:.0f} Hz"), styles(names, "color", "strokeDash")
+    gained = _curves(table, gains, names, gain, relative=True)
+    turned = _curves(table, phases, names, phase, relative=False)
+    lines = alt.Chart().encode(x=alt.X(x, **LOG), **looks)
+    of_gain = lines.mark_line(point=markers(gained)).encode(y=alt.Y(escaped(gain), type="quantitative", **LOG))
+    of_phase = lines.mark_line(point=markers(turned)).encode(y=phase)
     return [
-        plot(
+        Figure(
             f"Readings per {unit} over the frequency",
             f"Gain of each element {first}; 0.707 is a loss of 3 dB.{shaken}{idle}",
-            _curves(table, gains, names, gain, relative=True),
-            x,
-            gain,
-            Look(log="xy", dashed=True, guides=(band, Guide("y", 2**-0.5, "-3 dB", left=True))),
+            panels(alt.layer(*band, *rule("y", 2**-0.5, "-3 dB", left=True), of_gain), gained),
+            gained,
         ),
-        plot(
+        Figure(
             f"Phase of the readings per {unit}",
             f"Phase of each reading to the {driver}; below 0 the reading lags behind. Half a turn is taken off where "
             f"an element reads in the opposite sense.{shaken}{idle}",
-            _curves(table, phases, names, phase, relative=False),
-            x,
-            phase,
-            Look(log="x", dashed=True, guides=(band,)),
+            panels(alt.layer(*band, of_phase), turned),
+            turned,
         ),
     ]
 
@@ -84,7 +87,8 @@ def _curves(table: pd.DataFrame, columns: list[str], names: list[str], y: str, *
                 change = values / first if relative else values - 180 * np.round(first / 180)
                 part = {"frequency (Hz)": numbers(rows, "frequency_Hz"), y: change}
                 parts.append(pd.DataFrame(part).assign(panel=f"motion along {motion}", series=name))
-    return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame({"frequency (Hz)": [], y: [], "panel": []})
+    empty = pd.DataFrame({"frequency (Hz)": [], y: [], "panel": [], "series": []})
+    return pd.concat(parts, ignore_index=True).dropna(ignore_index=True) if parts else empty
 
 
 def oscillators(frequency: Array, gains: Mapping[str, Array], undamped: Sequence[str]) -> Figure:
@@ -96,6 +100,7 @@ def oscillators(frequency: Array, gains: Mapping[str, Array], undamped: Sequence
     gains : of each model by its name, shape (f,).
     undamped : oscillators whose gain has no largest value.
     """
+    import altair as alt
     import pandas as pd
 
     relative = {name: gain / gain[0] for name, gain in gains.items()}
@@ -105,13 +110,16 @@ def oscillators(frequency: Array, gains: Mapping[str, Array], undamped: Sequence
     data = pd.concat(parts, ignore_index=True)
     data = data[data[label] <= top]
     caption = "Motion of the magnet per N by finite elements and by oscillators of one and two masses."
-    return plot(
-        "Motion of the magnet beside oscillators", caption, data, "frequency (Hz)", label, Look(log="xy", dashed=True)
-    )
+    chart = alt.Chart(data).mark_line(point=markers(data)).encode(
+        x=alt.X("frequency (Hz)", **LOG), y=alt.Y(escaped(label), type="quantitative", **LOG),
+        **styles(gains, "color", "strokeDash")
+    )  # fmt: skip
+    return Figure("Motion of the magnet beside oscillators", caption, chart, data)
 
 
 def cycle(table: pd.DataFrame) -> list[Figure]:
     """Return the loops of force over motion, a panel for each law, and the force over time."""
+    import altair as alt
     import pandas as pd
 
     sheared = bool((numbers(table, "shear_mm").abs() > 0).any())
@@ -133,16 +141,26 @@ def cycle(table: pd.DataFrame) -> list[Figure]:
         "force that is decoded from the readings as that of slow loading. The table loops.csv has gap, area and "
         "dissipated energy of each loop."
     )
-    over_time = data.assign(series=data["model"])[["time (s)", y, "panel", "series"]]
-    data = data[[x, y, "panel", "series", "model"]]
+    over_time = data.assign(series=data["model"])[["time (s)", y, "panel", "series"]].dropna(ignore_index=True)
+    data = data[[x, y, "panel", "series", "model"]].dropna(ignore_index=True)
+    loops = alt.Chart().mark_line(point="transparent").encode(
+        x=x, y=y, order="order:Q", **styles(data["series"], "color"),
+        **styles(data["model"], "strokeDash", column="model")
+    )  # fmt: skip
+    times = alt.Chart().mark_line(point="transparent").encode(
+        x=alt.X("time (s)").scale(nice=False), y=y, **styles(data["model"], "color", "strokeDash")
+    )  # fmt: skip
     return [
-        plot("Loops of the force over the motion", caption, data, x, y, Look(ordered=True)),
-        plot(
+        Figure(
+            "Loops of the force over the motion",
+            caption,
+            panels(loops, data.assign(order=np.arange(len(data)))),
+            data,
+        ),
+        Figure(
             "Force over time",
             "The force of the plate and the force that is decoded from the readings as if it were loaded slowly.",
+            panels(times, over_time, columns=1),
             over_time,
-            "time (s)",
-            y,
-            Look(columns=1, dashed=True),
         ),
     ]

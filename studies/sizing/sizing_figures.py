@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from geometry.loads import ANSWERED
-from studies.output.figures import Figure, Guide, Look, numbers, plot, texts
+from studies.output.figures import FREE, LOG, Figure, beside, labels, numbers, rule, styles, texts
 from studies.output.text_tables import quantity_name
 
 if TYPE_CHECKING:
@@ -25,29 +25,47 @@ SHOWN = (
     *("fem_range_z_N", "fem_resolution_z_mN", "fem_strain_percent", "outer_size_mm"),
 )
 """Columns of front.csv that the page shows as a table."""
-BEST, PASSED, REMOVED = "best variant", "meets all requirements", "removed by finite elements"
+BEST, REMOVED, PASSED = "best variant", "removed by finite elements", "meets all requirements"
+DOUBTED = "unknown whether it meets all"
+KINDS = (BEST, REMOVED, PASSED, DOUBTED)
 DIFFERENCE = "_difference_percent"
 
 
 def front(table: pd.DataFrame) -> list[Figure]:
     """Return the front in its objectives, and how far the surrogate was from finite elements."""
+    import altair as alt
     import pandas as pd
 
-    names, rank, ok = _names(table), numbers(table, "rank"), table["status"].isin(ANSWERED)
-    kinds, passed = np.where(~ok, REMOVED, np.where(rank == 1, BEST, PASSED)), int(ok.sum())
+    names, rank, kinds = _names(table), numbers(table, "rank"), _kinds(table)
+    kinds, passed = np.where((kinds == PASSED) & (rank == 1), BEST, kinds), int((kinds == PASSED).sum())
+    doubted = int((kinds == DOUBTED).sum())
+    unknown = f"; of {doubted} more it is unknown" if doubted else ""
     figures = []
     for across, up, title in FRONTS:
         if numbers(table, across).nunique() < 2 or numbers(table, up).nunique() < 2:
             continue
         x, y = (quantity_name(name.removeprefix("fem_")) for name in (across, up))
-        caption = f"{passed} of {len(table)} variants of the front meet all requirements by finite elements. "
+        caption = (
+            f"{passed} of {len(table)} variants of the front meet all requirements by finite elements{unknown}. "
+        )
         for row in np.flatnonzero(rank == 1)[:1]:
             caption += f"The best one, {names[row]}, has {_value(table, across, row)} and {_value(table, up, row)}."
         data = pd.DataFrame({x: numbers(table, across), y: numbers(table, up), "series": kinds, "point": names})
         data["label"] = [f"{one:.0f}" if np.isfinite(one) else "" for one in rank]
-        look = Look(line=False, log="y" if "resolution" in up else "", names=(BEST, REMOVED, PASSED))
-        figures.append(plot(title, caption, data, x, y, look))
+        data = data.dropna(subset=[x, y])
+        log = "y" if "resolution" in up else ""
+        axes = alt.Chart().encode(x=alt.X(x, **FREE), y=alt.Y(y, **(LOG if log else FREE)))
+        points = axes.mark_point().encode(**styles(KINDS))
+        chart = alt.layer(points, *labels(axes), data=beside(data, x, y, log))
+        figures.append(Figure(title, caption, chart, data))
     return [*figures, *_differences(table, names)]
+
+
+def _kinds(table: pd.DataFrame) -> np.ndarray:
+    """Return of each variant whether it meets all requirements, as far as that is known."""
+    # a variant that is not removed has a reason where it is unknown whether a requirement is met
+    doubted = texts(table, "reason") != ""
+    return np.where(~table["status"].isin(ANSWERED), REMOVED, np.where(doubted, DOUBTED, PASSED))
 
 
 def front_sheet(table: pd.DataFrame) -> pd.DataFrame:
@@ -96,12 +114,13 @@ def _value(table: pd.DataFrame, column: str, row: int) -> str:
 
 
 def _differences(table: pd.DataFrame, names: list[str]) -> list[Figure]:
+    import altair as alt
     import pandas as pd
 
     columns = [name for name in table.columns if name.endswith(DIFFERENCE) and numbers(table, name).notna().any()]
     if not columns:
         return []
-    kinds = np.where(table["status"].isin(ANSWERED), PASSED, REMOVED)
+    kinds = _kinds(table)
     x = "difference (%)"
     parts = [
         pd.DataFrame({x: numbers(table, name), "series": kinds, "point": names}).assign(
@@ -109,18 +128,22 @@ def _differences(table: pd.DataFrame, names: list[str]) -> list[Figure]:
         )
         for name in columns
     ]
-    data = pd.concat(parts, ignore_index=True)
+    data = pd.concat(parts, ignore_index=True).dropna(subset=x)
     worst = data.loc[data[x].abs().idxmax()]
     caption = (
         "Each point is one variant of the front. The largest difference is that of the "
         f"{worst['quantity']}, {worst[x]:+.2g} %."
     )
-    look = Look(line=False, guides=(Guide("x", 0.0),), names=("", REMOVED, PASSED))
-    return [plot("Surrogate against finite elements", caption, data, x, "quantity", look)]
+    points = alt.Chart().mark_point().encode(
+        x=x, y=alt.Y("quantity", sort=None), yOffset=alt.YOffset("series:N", sort=None), **styles(KINDS)
+    ).properties(height=alt.Step(11))  # fmt: skip
+    chart = alt.layer(*rule("x", 0.0), points, data=data)
+    return [Figure("Surrogate against finite elements", caption, chart, data)]
 
 
 def made_within(table: pd.DataFrame) -> list[Figure]:
     """Return the share of made sensors within specification, for all requirements and for each."""
+    import altair as alt
     import pandas as pd
 
     x = "made sensors within (%)"
@@ -134,4 +157,7 @@ def made_within(table: pd.DataFrame) -> list[Figure]:
     caption = f"Bars are 95 % intervals for {sensors} made sensors, without the errors of the surrogate."
     for share in data[x][data["requirement"] == "all"]:
         caption = f"{share:.3g} % of {sensors} made sensors meet all requirements. {caption}"
-    return [plot("Yield of the best variant", caption, data, x, "requirement", Look(line=False, across=True))]
+    shares = alt.Chart(data).encode(y=alt.Y("requirement", sort=None))
+    bars = shares.mark_rule().encode(x=alt.X("low", title=x), x2="high")
+    points = shares.mark_point().encode(x=alt.X(x, **FREE))
+    return [Figure("Yield of the best variant", caption, bars + points, data)]

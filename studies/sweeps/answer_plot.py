@@ -15,10 +15,11 @@ import numpy as np
 from geometry.bad_input import nearest
 from geometry.design import BadInput
 from studies.output import figures
-from studies.output.figures import COLOURS, THEME, Look
+from studies.output.figures import COLOURS, THEME
 from studies.output.text_tables import quantity_name
 from studies.quantities import QUANTITIES, drawn_parts
 from studies.sweeps import sweep_figures
+from studies.sweeps.answer_curves import Axes, curves, drawable
 from studies.sweeps.sweep_columns import SweepColumns
 from studies.sweeps.sweep_figures import in_words, log_spaced, value_of
 
@@ -63,6 +64,7 @@ def plot(answers: pd.DataFrame, x: str, y: str | Sequence[str], color: str = "")
     >>> [layer["mark"]["type"] for layer in chart.to_dict()["layer"]]
     ['rule', 'line', 'point']
     """
+    import altair as alt
     import pandas as pd
 
     names = list(y) if isinstance(y, Sequence) and not isinstance(y, str) else [y]
@@ -87,16 +89,17 @@ def plot(answers: pd.DataFrame, x: str, y: str | Sequence[str], color: str = "")
     if tidy["model"].nunique() > 1 or not color:
         shown["model" if color else "series"] = tidy["model"]
     log = "x" if numeric and log_spaced(np.unique(tidy[x].dropna())) else ""
-    figure = figures.plot("", "", shown, quantity_name(x), label, Look(line=joined, log=log, bars=True))
+    shown = drawable(shown, quantity_name(x), label)
+    drawn, note = (shown, ()) if joined else figures.thinned(shown, label)
+    # Altair refuses to show more than 5000 rows
+    drawn = drawn[drawn["drawn"] | drawn.get("failed", False)].drop(columns="drawn") if note else shown
+    how = Axes(line=joined, log=log, bars=True)
+    chart = alt.layer(*curves(drawn, quantity_name(x), label, how), data=drawn)
     said = [BARS] if "low" in shown else []
     said += [*sweep_figures.marked(tidy, maps=False), *sweep_figures.unanswered(tidy)]
-    said += [*sweep_figures.failures(answers), *figure.notes]
-    chart = figure.chart.properties(title=figures.foot(said)) if said else figure.chart
-    if "drawn" in chart.data and not joined:
-        # Altair refuses to show more than 5000 rows
-        failed = chart.data.get("failed", False)
-        chart = chart.properties(data=chart.data[chart.data["drawn"] | failed])
-    configured: alt.LayerChart = chart.configure(**THEME)
+    said += [*sweep_figures.failures(answers), *note]
+    chart = chart.properties(width=figures.WIDTH, height=figures.HEIGHTS[0])
+    configured: alt.LayerChart = (chart.properties(title=figures.foot(said)) if said else chart).configure(**THEME)
     return configured
 
 

@@ -26,10 +26,11 @@ from studies.inputs import study_input
 from studies.mechanics.path_solver import KINDS
 from studies.mechanics.study_cases import Columns, Plan
 from studies.output import figures
-from studies.output.figures import Figure, Guide, Look, bands, short
-from studies.output.maps import ERROR_EDGES, heat, spots
+from studies.output.figures import SHADES, Figure, bands, panels, short, thinned
+from studies.output.maps import ERROR_EDGES, WIDE, heat, spots
 from studies.output.text_tables import quantity_name
 from studies.quantities import drawn_parts
+from studies.sweeps.answer_curves import Axes, curves, drawable
 from studies.sweeps.sweep_columns import SweepColumns
 
 if TYPE_CHECKING:
@@ -276,7 +277,7 @@ def _over_grid(table: pd.DataFrame, axes: Sequence[str], study: SweepColumns, qu
     if not len(tidy) or not (some or tidy["failed"].all()):
         return
     label = drawn_parts()[quantity].title
-    words, unit, styles = in_words(label), label.partition("(")[2].rstrip(")"), tuple(dict.fromkeys(tidy["model"]))
+    words, unit, models = in_words(label), label.partition("(")[2].rstrip(")"), tuple(dict.fromkeys(tidy["model"]))
     known = tidy.groupby("model", sort=False)["value"].count()
     silent = list(known.index[known == 0]) if some else []
     notes = unanswered(tidy) if some else []
@@ -292,14 +293,14 @@ def _over_grid(table: pd.DataFrame, axes: Sequence[str], study: SweepColumns, qu
     which = "all stable cases" if tidy["open"].any() else "all cases"
     caption = f"Over {which}: {'; '.join(ends)}." if ends else "No case is stable." if some else "Every case failed."
     subject = Subject(f"{_capital(words)} over {in_words(look.x)}{_alone(tidy)}", label)
-    yield _drawn(subject, caption, tidy, look, table, notes, styles)
+    yield _drawn(subject, caption, tidy, look, table, notes, models)
     judged = errors(table, axes, study, quantity)
     judged = judged[judged.groupby("model")["value"].transform("count") > 0]
     if len(judged):
         caption = " ".join(_share(part, name) for name, part in judged.groupby("model", sort=False))
         name = drawn_parts()[quantity].words
         subject = Subject(f"Error of the {name}{_alone(judged)}", "error (%)", is_error=True)
-        yield _drawn(subject, caption, judged, view(judged, axes), table, [], styles)
+        yield _drawn(subject, caption, judged, view(judged, axes), table, [], models)
 
 
 def _alone(tidy: pd.DataFrame) -> str:
@@ -325,9 +326,11 @@ def _drawn(
     look: View,
     table: pd.DataFrame,
     notes: list[str],
-    styles: tuple[str, ...],
+    names: tuple[str, ...],
 ) -> Figure:
     """Return lines or maps of some answers, whose axes without effect and folded axes take their extremes."""
+    import altair as alt
+
     label, diameter = subject.label, _diameter(table)
     data = _merged(tidy, look, label)
     if look.folded:
@@ -338,11 +341,11 @@ def _drawn(
     flags = {name: data[name] for name in ("failed", "open") if data[name].any()}
     shown = data[[]].assign(**{quantity_name(look.x): data[look.x], label: data[label], **flags})
     several = data["model"].nunique() > 1
-    panels = [data[axis].map(lambda value, axis=axis: value_of(axis, value, diameter)) for axis in look.panels]
+    titles = [data[axis].map(lambda value, axis=axis: value_of(axis, value, diameter)) for axis in look.panels]
     if look.maps and several:
-        panels.insert(0, data["model"])
-    if panels:
-        shown["panel"] = [", ".join(texts) for texts in zip(*panels, strict=True)]
+        titles.insert(0, data["model"])
+    if titles:
+        shown["panel"] = [", ".join(texts) for texts in zip(*titles, strict=True)]
     if look.maps:
         shown = shown.rename(columns={"open": "doubted"})
         shown[quantity_name(look.second)] = data[look.second]
@@ -359,18 +362,19 @@ def _drawn(
         notes += ["Dotted lines across: depth at which the press buckles sideways."] if inside.any() else []
     if look.second:
         shown["series"] = [value_of(look.second, value, diameter) for value in data[look.second]]
-    if not look.second or len(styles) > 1:
+    if not look.second or len(names) > 1:
         shown["model" if look.second else "series"] = data["model"]
-    numeric = data[look.x].dtype.kind in "fiu"
-    log, span, guides = "x" if numeric and log_spaced(np.unique(data[look.x])) else "", None, tuple[Guide, ...]()
+    x, numeric = quantity_name(look.x), data[look.x].dtype.kind in "fiu"
+    log, span = "x" if numeric and log_spaced(np.unique(data[look.x])) else "", None
     if subject.is_error:
         span, said = _limits(data[label])
-        guides, notes = bands(5, 10), [*notes, *said]
-    elif log and data[label].min() > 0 and data[label].max() > figures.WIDE * data[label].min():
+        notes = [*notes, SHADES, *said]
+    elif log and data[label].min() > 0 and data[label].max() > WIDE * data[label].min():
         log += "y"
-    drawn = Look(line=numeric, log=log, guides=guides, span=span, names=styles if len(styles) > 1 else ())
-    figure = figures.plot(subject.title, caption, shown, quantity_name(look.x), label, drawn)
-    return replace(figure, notes=(*figure.notes, *notes))
+    shown = drawable(shown, x, label)
+    layers = curves(shown, x, label, Axes(numeric, log, span), names=names if len(names) > 1 else ())
+    chart = panels(alt.layer(*(bands() if subject.is_error else []), *layers), shown)
+    return Figure(subject.title, caption, chart, shown, tuple(notes))
 
 
 def _merged(tidy: pd.DataFrame, look: View, label: str) -> pd.DataFrame:
@@ -448,6 +452,7 @@ def effect(x: Array, y: Array) -> float:
 
 def _scattered(table: pd.DataFrame, axes: Sequence[str], study: SweepColumns, quantity: str) -> Iterator[Figure]:
     """Yield the sampled answers and errors over each axis, and the errors over the two most effective ones."""
+    import altair as alt
     import pandas as pd
 
     numeric = [axis for axis in axes if table[axis].dtype.kind in "fiu"]
@@ -474,10 +479,12 @@ def _scattered(table: pd.DataFrame, axes: Sequence[str], study: SweepColumns, qu
         notes = marked(tidy, maps=False)
         if is_error:
             caption += " " + " ".join(_share(part, model) for model, part in tidy.groupby("model", sort=False))
-        look = Look(line=False, shared=False, guides=bands(5, 10) if is_error else ())
-        title, data = f"{_capital(in_words(unit))} of the sampled cases", pd.concat(parts, ignore_index=True)
-        figure = figures.plot(title, caption, data, "value of the axis", unit, look)
-        yield replace(figure, notes=(*figure.notes, *notes))
+        title, x = f"{_capital(in_words(unit))} of the sampled cases", "value of the axis"
+        data = drawable(pd.concat(parts, ignore_index=True), x, unit)
+        drawn, note = thinned(data, unit)
+        layers = [*(bands() if is_error else []), *curves(drawn, x, unit, Axes(line=False))]
+        chart = panels(alt.layer(*layers), drawn, shared=False)
+        yield Figure(title, caption, chart, data, (*note, *([SHADES] if is_error else []), *notes))
     for model, part in judged.groupby("model", sort=False) if len(numeric) > 1 else ():
         solved = part[part["value"].notna()]
         pair = _by_effect(solved, numeric)[:2]

@@ -75,6 +75,8 @@ def page_theme() -> dict[str, Any]:
         "legend": {"labelColor": "var(--ink)", "titleColor": "var(--soft)"},
         "header": {"labelColor": "var(--ink)"},
         "view": {"stroke": "var(--soft)"},
+        "line": {"color": "var(--s0)"},
+        "point": {"color": "var(--s0)"},
         "style": {
             "guide": {"color": "var(--soft)"},
             "guide-label": {"color": "var(--soft)"},

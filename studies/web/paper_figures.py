@@ -9,7 +9,7 @@ import numpy as np
 
 from analytic import beam
 from geometry.design import BadInput
-from studies.output.figures import Figure, Guide, Look, long, numbers, plot, texts
+from studies.output.figures import LOG, Figure, long, numbers, panels, rule, styles, texts, thinned
 from studies.output.maps import ERROR_EDGES, heat
 
 if TYPE_CHECKING:
@@ -118,19 +118,27 @@ def map_cells(own: pd.DataFrame, value: str) -> tuple[pd.DataFrame, tuple[str, s
 
 def readings(table: pd.DataFrame) -> list[Figure]:
     """Return how much of a reading's error is mechanics, tilt and field, over L/D."""
+    import altair as alt
+
     names = {"mechanics_percent_FS": "mechanics", "tilt_percent_FS": "tilt", "dipole_percent_FS": "dipole as field"}
     y = "error (% of full scale)"
-    data = long(table, ("L_over_D", "L/D"), y, names)
-    data["panel"] = [*texts(table, "element")] * (len(data) // max(len(table), 1))
+    data = long(table, ("L_over_D", "L/D"), y, names, panel=texts(table, "element"))
     data[y] = data[y].abs().where(data[y] != 0)
     caption = (
         "Each point is one state; the magnet's place (mechanics) dominates except where the field is a dipole's."
     )
-    return [plot("Where errors of readings come from", caption, data, "L/D", y, Look(line=False, log="y"))]
+    data = data.dropna(subset=["L/D", y], ignore_index=True)
+    drawn, note = thinned(data, y)
+    points = alt.Chart().transform_filter("datum.drawn").mark_point().encode(
+        x="L/D", y=alt.Y(y, **LOG), **styles(names.values())
+    )  # fmt: skip
+    return [Figure("Where errors of readings come from", caption, panels(points, drawn), data, note)]
 
 
 def heights(table: pd.DataFrame) -> list[Figure]:
     """Return the errors of the paper's force and voltage over the height of the magnet."""
+    import altair as alt
+
     columns = {
         "error_percent_of_largest": "force, E = 1 MPa",
         "best_error_percent_of_largest": "force, best E for each height",
@@ -145,13 +153,15 @@ def heights(table: pd.DataFrame) -> list[Figure]:
         if len(within)
         else "At E = 1 MPa no height of the magnet brings the paper's force within 5 % of the largest force."
     )
-    look = Look(guides=(Guide("y", 5.0, "5 %"),))
     data = long(table, ("magnet_height_mm", x), y, columns)
-    return [plot("Errors of force and voltage over the height of the magnet", caption, data, x, y, look)]
+    lines = alt.Chart().mark_line(point=True).encode(x=x, y=y, **styles(columns.values()))
+    chart = alt.layer(*rule("y", 5.0, "5 %"), lines, data=data)
+    return [Figure("Errors of force and voltage over the height of the magnet", caption, chart, data)]
 
 
 def presses(table: pd.DataFrame) -> list[Figure]:
     """Return the press force over depth for heights of the magnet."""
+    import altair as alt
     import pandas as pd
 
     every = np.unique(numbers(table, "magnet_height_mm"))
@@ -165,11 +175,14 @@ def presses(table: pd.DataFrame) -> list[Figure]:
         f"A taller magnet stiffens the press: {last.iloc[0]:.3g} N with {last.index[0]}, {last.iloc[-1]:.3g} N with "
         f"the {last.index[-1]}, each at its deepest state."
     )
-    return [plot("Press force for heights of the magnet, finite elements", caption, data, x, y)]
+    data = data.dropna(ignore_index=True)
+    chart = alt.Chart(data).mark_line(point=True).encode(x=x, y=y, **styles(names))
+    return [Figure("Press force for heights of the magnet, finite elements", caption, chart, data)]
 
 
 def shears(table: pd.DataFrame) -> list[Figure]:
     """Return the force along the shear for conditions of the tip."""
+    import altair as alt
     import pandas as pd
 
     x, y = "shear (mm)", "force along the shear (N)"
@@ -177,4 +190,6 @@ def shears(table: pd.DataFrame) -> list[Figure]:
         {x: numbers(table, "shear_mm"), y: numbers(table, "fem_force_x_N"), "series": texts(table, "tip")}
     )
     title = "Force along the shear for conditions of the tip, finite elements"
-    return [plot(title, "How the tip is held decides the shear force.", data, x, y)]
+    data = data.dropna(ignore_index=True)
+    chart = alt.Chart(data).mark_line(point=True).encode(x=x, y=y, **styles(data["series"]))
+    return [Figure(title, "How the tip is held decides the shear force.", chart, data)]

@@ -7,7 +7,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from geometry.loads import ANSWERED
-from studies.output.figures import Figure, Guide, Look, long, numbers, plot, texts
+from studies.output.figures import (
+    LOG,
+    Figure,
+    beside,
+    labels,
+    long,
+    numbers,
+    panels,
+    rule,
+    styles,
+    texts,
+    thinned,
+)
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -27,6 +39,7 @@ def shares(title: str, what: str, names: Any, measured: Any, bound: Any, passed:
     what : label of the share.
     names, measured, bound, passed : of each check, shape (n,).
     """
+    import altair as alt
     import pandas as pd
 
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -42,8 +55,11 @@ def shares(title: str, what: str, names: Any, measured: Any, bound: Any, passed:
     )
     if unknown:
         caption += f" {unknown} checks have no number; the table names them."
-    look = Look(line=False, log="x", guides=(Guide("x", 1.0, "bound"),), names=("passed", "missed"))
-    return [plot(title, caption, data, what, "check", look)]
+    points = alt.Chart().mark_point().encode(
+        x=alt.X(what, **LOG), y=alt.Y("check", sort=None), **styles(("passed", "missed"))
+    )  # fmt: skip
+    chart = alt.layer(*rule("x", 1.0, "bound"), points, data=data).properties(height=alt.Step(15))
+    return [Figure(title, caption, chart, data)]
 
 
 def verification(table: pd.DataFrame) -> list[Figure]:
@@ -96,6 +112,7 @@ def crosscheck(table: pd.DataFrame) -> list[Figure]:
 
 def accuracy(table: pd.DataFrame) -> list[Figure]:
     """Return true errors over their estimates."""
+    import altair as alt
     import pandas as pd
 
     x, y = "estimated error (%)", "true error (%)"
@@ -123,12 +140,18 @@ def accuracy(table: pd.DataFrame) -> list[Figure]:
         f"{100 * (judged[y] <= judged[x]).mean():.1f} % of {len(judged)} errors are at most as large as their "
         "estimate: points below the line."
     )
-    look = Look(log="xy", names=(*ACCURACIES, EQUAL))
-    return [plot("True errors over their estimates", caption, data, x, y, look)]
+    names = (*ACCURACIES, EQUAL)
+    base = alt.Chart().encode(x=alt.X(x, **LOG), y=alt.Y(y, **LOG))
+    line = base.transform_filter("datum.joined").mark_line().encode(**styles(names, "color"))
+    points = base.transform_filter("!datum.joined").mark_point().encode(**styles(names, lines=(EQUAL,)))
+    chart = panels(alt.layer(points, line), data)
+    return [Figure("True errors over their estimates", caption, chart, data)]
 
 
 def trade(table: pd.DataFrame) -> list[Figure]:
     """Return median and 95th percentile of the error of the force over the cost, for every model and level."""
+    import altair as alt
+
     model = texts(table, "model")
     x, y = "cost (ratio to level standard)", "error of the force (%)"
     rows = table.assign(**{x: numbers(table, "cost"), y: numbers(table, "force_error_percent")})
@@ -150,21 +173,30 @@ def trade(table: pd.DataFrame) -> list[Figure]:
         "surrogate count inside their range. Left is cheap and low is exact; cost 1 is the section model at level "
         "standard."
     )
-    look = Look(line=False, log="xy", columns=2, names=tuple(dict.fromkeys(model)))
-    return [plot("Error of the force over cost", caption, data, x, y, look)]
+    axes = alt.Chart().encode(x=alt.X(x, **LOG))
+    bars = axes.mark_rule().encode(y=alt.Y("low", title=y, **LOG), y2="high", **styles(model, "color"))
+    medians = axes.encode(y=alt.Y(y, **LOG))
+    points = medians.mark_point().encode(**styles(model))
+    chart = panels(alt.layer(bars, points, *labels(medians)), beside(data, x, y, "xy"), columns=2)
+    return [Figure("Error of the force over cost", caption, chart, data)]
 
 
 def field(table: pd.DataFrame) -> list[Figure]:
     """Return errors of the magnet's field in each region."""
+    import altair as alt
+
     names = {name: name for name in ("NumPy", "compiled", "magpylib")}
-    data = long(table, ("height_per_radius", "height / radius"), "relative error", names)
-    data["panel"] = [*texts(table, "region")] * (len(data) // max(len(table), 1))
+    x, y = "height / radius", "relative error"
+    data = long(table, ("height_per_radius", x), y, names, panel=texts(table, "region"))
     caption = "Relative error against 60 digits, over the magnet's height, in each region around it."
-    return [plot("Error of the magnet's field", caption, data, "height / radius", "relative error", Look(log="xy"))]
+    lines = alt.Chart().mark_line(point=True).encode(x=alt.X(x, **LOG), y=alt.Y(y, **LOG), **styles(names))
+    return [Figure("Error of the magnet's field", caption, panels(lines, data), data)]
 
 
 def ladder(table: pd.DataFrame) -> list[Figure]:
     """Return the errors of each level of the formulas over the depth."""
+    import altair as alt
+
     inside = table[table["status"].isin(ANSWERED) & (texts(table, "outside") == "")]
     shear = numbers(inside, "shear_over_D")
     inside = inside.assign(load=shear.where(shear > 0, numbers(inside, "depth_over_D")))
@@ -176,16 +208,18 @@ def ladder(table: pd.DataFrame) -> list[Figure]:
         "tilt_error": "tilt",
     }
     x, y = "depth/D or shear/D", "error (%)"
-    data = long(inside, ("load", x), y, names, "panel")
+    data = long(inside, ("load", x), y, names, "panel", series=texts(inside, "level"))
     data[y] = 100 * data[y].abs()
-    data["series"] = [*texts(inside, "level")] * (len(data) // max(len(inside), 1))
+    drawn, note = thinned(data, y)
+    points = alt.Chart().transform_filter("datum.drawn").mark_point().encode(
+        x=x, y=alt.Y(y, **LOG), **styles(texts(table, "level"))
+    )  # fmt: skip
     return [
-        plot(
+        Figure(
             "Errors of the formulas' levels inside their range",
             "Each point is one state of one design, at its shear over D where there is one, else at its depth.",
+            panels(points, drawn),
             data,
-            x,
-            y,
-            Look(line=False, log="y", names=tuple(dict.fromkeys(texts(table, "level")))),
+            note,
         )
     ]

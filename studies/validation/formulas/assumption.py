@@ -37,7 +37,7 @@ from studies.inputs.option_groups import Sweep, Whole
 from studies.mechanics.solve_plan import Processes
 from studies.mechanics.study_cases import Cases, Plan, varied
 from studies.output import atomic_files, page_templates
-from studies.output.figures import COLOURS, Figure, Look, plot, save, table_of
+from studies.output.figures import COLOURS, LOG, Figure, panels, save, styles, table_of
 from studies.output.maps import heat
 from studies.output.result import Result, Table
 from studies.sweeps import sweep
@@ -273,13 +273,17 @@ def best_maps(main: pd.DataFrame) -> list[Figure]:
 
 
 def split_figure(means: Sequence[Row]) -> Figure:
+    import altair as alt
+
     x, y = "height of the magnet, and L/D", "error (% of full scale)"
     data = table_of(
         {x: f"{row['magnet_height_over_D']:.3g} D, {row['slenderness']}", y: row[f"{part}_percent_FS"] or np.nan}
         | {"panel": row["load"], "series": part}
         for row, part in product(means, PARTS)
     )
-    return plot("Parts of the errors of readings", "", data, x, y, Look(line=False, log="y", columns=1))
+    data = data.dropna(ignore_index=True)
+    points = alt.Chart().mark_point().encode(x=alt.X(x, sort=None), y=alt.Y(y, **LOG), **styles(PARTS))
+    return Figure("Parts of the errors of readings", "", panels(points, data, columns=1), data)
 
 
 # Findings

@@ -1,6 +1,6 @@
 """The paper's Figures 6, 8, 9, 11 and 12 from both models, and a map over E and the magnet's height."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +10,7 @@ from scipy.interpolate import PchipInterpolator
 from analytic import beam, hall
 from geometry.arrays import Array
 from geometry.design import paper
-from studies.output.figures import Figure, Look, bands, plot, save
+from studies.output.figures import SHADES, Figure, bands, by_model, markers, panels, save, styles
 from studies.output.maps import heat
 from studies.validation.formulas.claim_errors import (
     CLAIMED,
@@ -68,6 +68,8 @@ def figure_6(sheared: pd.DataFrame, points: int) -> list[Figure]:
 
     The formulas are equations (3), without its misprint, and (4). S3 shows what S2 does, with x and y swapped.
     """
+    import altair as alt
+
     first = sheared[sheared.tip == sheared.tip.iloc[0]]
     side = np.linspace(-3.0, 3.0, points)
     x, y = (grid.ravel() for grid in np.meshgrid(side, side))
@@ -82,8 +84,11 @@ def figure_6(sheared: pd.DataFrame, points: int) -> list[Figure]:
         figures.append(heat(f"|B| at {name}", "", pd.concat(cells, ignore_index=True), axes, field, columns=2))
         lines = {model: (side, values[k][middle]) for model, values in models.items()}
         cuts.append(_curves("x (mm)", field, lines, panel=f"{name}, y = 0"))
-    look = Look(names=(FEM, FORMULA), dashed=True)
-    return [*figures, plot("|B| at y = 0", "", pd.concat(cuts, ignore_index=True), "x (mm)", field, look)]
+    data = pd.concat(cuts, ignore_index=True).dropna(ignore_index=True)
+    lines = alt.Chart().mark_line(point=markers(data)).encode(
+        x="x (mm)", y=field, **styles((FEM, FORMULA), "color", "strokeDash")
+    )  # fmt: skip
+    return [*figures, Figure("|B| at y = 0", "", panels(lines, data), data)]
 
 
 def _by_formula(depth: float, x: Array, y: Array) -> list[Array]:
@@ -115,6 +120,8 @@ def _magnitudes(shift: Array, rotation: Array, field: hall.Field) -> list[Array]
 
 
 def figure_8(states: States, best_E: float) -> list[Figure]:
+    import altair as alt
+
     preset, by_formula = states.preset, "formula (5), 1 MPa"
     depth, predicted = preset.depth, formula(preset.depth)
     forces = {f"FEM, magnet {preset.height:g} mm, 1 MPa": preset.force}
@@ -127,14 +134,27 @@ def figure_8(states: States, best_E: float) -> list[Figure]:
     }
     errors = {name: (depth, 100 * (predicted / force - 1)) for name, force in forces.items()}
     names, error = tuple(curves), "error of (5) (%)"
-    look = Look(names=names, guides=bands(5, 10), span=(-80.0, 30.0))
+    off = _curves(DEPTH, error, errors)
+    lines = alt.Chart().mark_line(point=True, clip=True).encode(
+        x=DEPTH, y=alt.Y(error).scale(domain=(-80.0, 30.0), clamp=True), **styles(names)
+    )  # fmt: skip
     return [
-        plot("Press force", "", _curves(DEPTH, FORCE, curves), DEPTH, FORCE, Look(names=names)),
-        plot("Error of the formula", "", _curves(DEPTH, error, errors), DEPTH, error, look),
+        _lines("Press force", _curves(DEPTH, FORCE, curves), DEPTH, FORCE),
+        Figure("Error of the formula", "", alt.layer(*bands(), lines, data=off), off, (SHADES,)),
     ]
 
 
+def _lines(title: str, data: pd.DataFrame, x: str, y: str) -> Figure:
+    """Return curves with markers, each with its colour."""
+    import altair as alt
+
+    chart = alt.Chart(data).mark_line(point=True).encode(x=x, y=y, **styles(data["series"]))
+    return Figure(title, "", chart, data)
+
+
 def figure_9(press: Press, best_E: float) -> list[Figure]:
+    import altair as alt
+
     found = voltages(press)
     # the paper presses to 3 mm
     kept = found.predicted <= found.formula_largest * (1 + 1e-9)
@@ -142,8 +162,11 @@ def figure_9(press: Press, best_E: float) -> list[Figure]:
     curves = {f"FEM, E = {E:.2g} MPa": (measured, E * force) for E in (1.0, best_E)}
     curves["formulas (3) and (5), E = 1 MPa"] = (found.modelled[kept], found.predicted[kept])
     rest = s1_output(press.design, np.zeros(1))[0]
-    x = f"change of S1 from its {rest:.2f} V at rest (V)"
-    return [plot("Press force over the change of S1", "", _curves(x, FORCE, curves), x, FORCE)]
+    # a dot in a column's name has a meaning in Vega-Lite
+    x, title = "change of S1 (V)", f"change of S1 from its {rest:.2f} V at rest (V)"
+    data = _curves(x, FORCE, curves)
+    chart = alt.Chart(data).mark_line(point=True).encode(x=alt.X(x, title=title), y=FORCE, **styles(data["series"]))
+    return [Figure("Press force over the change of S1", "", chart, data)]
 
 
 def figure_11(sheared: pd.DataFrame) -> list[Figure]:
@@ -155,7 +178,7 @@ def figure_11(sheared: pd.DataFrame) -> list[Figure]:
         curves[name] = (np.append(0.0, known.shear_mm), np.append(0.0, known.fem_force_x_N))
     curves["formula (6)"] = (ends, beam.cantilever_stiffness(paper()) * ends)
     x, y = "displacement of the tip along x (mm)", "shear force F_mu (N)"
-    return [plot("Force along the shear", "", _curves(x, y, curves), x, y)]
+    return [_lines("Force along the shear", _curves(x, y, curves), x, y)]
 
 
 def figure_12(states: States) -> list[Figure]:
@@ -175,10 +198,16 @@ def figure_12(states: States) -> list[Figure]:
         [_curves(DEPTH, FORCE, curves, model=name) for name, curves in models.items()], ignore_index=True
     )
     small = data[data[FORCE] <= ENLARGED * CLAIMED[-1][1]]
-    return [
-        plot("Press force for three moduli", "", data, DEPTH, FORCE),
-        plot("Enlarged", "", small, DEPTH, FORCE, Look(names=tuple(models))),
-    ]
+    return [_of_moduli("Press force for three moduli", data, models), _of_moduli("Enlarged", small, models)]
+
+
+def _of_moduli(title: str, data: pd.DataFrame, models: Collection[str]) -> Figure:
+    """Return curves whose colours are moduli, and whose markers and dashes are models."""
+    import altair as alt
+
+    looks = by_model(models) | styles(data["series"], "color")
+    chart = alt.Chart(data).mark_line(point=True).encode(x=DEPTH, y=FORCE, **looks)
+    return Figure(title, "", chart, data)
 
 
 def modulus_and_height(presses: Sequence[Press]) -> list[Figure]:

@@ -33,7 +33,7 @@ from studies.inputs.option_groups import Whole
 from studies.mechanics import prediction, surrogate_file, surrogate_range
 from studies.mechanics.prediction import CRITICAL, DEEP, PRESS, SHEAR, SLENDER, STRAIN, THICK, WIDE, Quantity
 from studies.mechanics.surrogate_file import GaussianProcess, Group, Surrogate, correlation
-from studies.output.figures import Figure, Look, plot, save
+from studies.output.figures import LOG, Figure, panels, save, styles
 from studies.output.goals import Goal
 from studies.output.provenance import versions
 from studies.output.result import Result
@@ -541,6 +541,8 @@ LEAST_ERROR = 1e-3
 
 def figures(rows: pd.DataFrame) -> list[Figure]:
     """Return the error of force and tilt over the half width of its interval, for presses and shears."""
+    import altair as alt
+
     x, y = "half width of the 90 % interval (%)", "error on unseen beams (%)"
     data = rows[rows["quantity"].isin(["force", "force_x", "force_z", "tilt"])]
     points = {x: data["interval_percent"], y: data["error_percent"].abs().clip(lower=LEAST_ERROR)}
@@ -550,4 +552,10 @@ def figures(rows: pd.DataFrame) -> list[Figure]:
         [pd.DataFrame(points).assign(joined=False), equal.assign(series=EQUAL, joined=True, **{y: equal[x]})],
         ignore_index=True,
     )
-    return [plot("Errors and half widths of the surrogate", "", data, x, y, Look(log="xy"))]
+    data = data.dropna(subset=[x, y], ignore_index=True)
+    names = list(data["series"])
+    base = alt.Chart().encode(x=alt.X(x, **LOG), y=alt.Y(y, **LOG))
+    line = base.transform_filter("datum.joined").mark_line().encode(**styles(names, "color"))
+    points = base.transform_filter("!datum.joined").mark_point().encode(**styles(names, lines=(EQUAL,)))
+    title = "Errors and half widths of the surrogate"
+    return [Figure(title, "", panels(alt.layer(points, line), data), data)]

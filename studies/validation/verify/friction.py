@@ -16,7 +16,7 @@ from geometry.bad_input import SolveFailed
 from geometry.design import paper
 from geometry.loads import Load, Magnet
 from geometry.messages import Progress
-from studies.output.figures import Figure, Guide, Look, plot, save
+from studies.output.figures import Figure, markers, rule, save, styles
 from studies.output.result import Result
 from studies.validation import pages
 from studies.validation.pages import Row
@@ -179,6 +179,8 @@ def tilted(level: Accuracy, mu: float = 0.3, depth: float = 0.5, shear: float = 
 
 
 def draw_friction(curves: Sequence[Sequence[Solution]], loop: Sequence[Solution]) -> list[Figure]:
+    import altair as alt
+
     x, ratio, force = "shear (mm)", "tangential over normal force", "force along the shear (N)"
 
     def table(states: Sequence[Solution]) -> pd.DataFrame:
@@ -188,11 +190,15 @@ def draw_friction(curves: Sequence[Sequence[Solution]], loop: Sequence[Solution]
 
     figures = []
     if curves:
-        guides = tuple(Guide("y", float(states[0].load.friction)) for states in curves)
+        limits = [layer for states in curves for layer in rule("y", float(states[0].load.friction))]
         slips = pd.concat([table(states)[[x, ratio, "series"]] for states in curves], ignore_index=True)
-        figures.append(plot("Onset of slip", "", slips, x, ratio, Look(guides=guides)))
+        lines = alt.Chart().mark_line(point=markers(slips)).encode(x=x, y=ratio, **styles(slips["series"]))
+        figures.append(Figure("Onset of slip", "", alt.layer(*limits, lines, data=slips), slips))
     if loop:
         cycle = table(loop)
         title = f"A cycle of shear, {cycle['series'].iloc[0]}"
-        figures.append(plot(title, "", cycle[[x, force]], x, force, Look(ordered=True)))
+        cycle = cycle[[x, force]]
+        whole = alt.Chart(cycle.reset_index(names="order"))
+        line = whole.mark_line(point=markers(cycle)).encode(x=x, y=force, order="order")
+        figures.append(Figure(title, "", line, cycle))
     return figures
