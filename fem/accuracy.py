@@ -39,6 +39,11 @@ class Accuracy:
     coarseness: float = 1.0
     tolerance_factor: float = 1.0
 
+    @property
+    def estimates_only(self) -> bool:
+        """Whether its states only estimate the errors of others (`coarser`), so that nobody reads their facts."""
+        return self.tolerance_factor > 1
+
 
 QUICK = Accuracy("quick", 0.16, 0.16, 0.012, 0.03, 2)
 STANDARD = Accuracy("standard", 0.09, 0.14, 0.006, 0.02, 3)

@@ -84,8 +84,7 @@ def diagnose(
     upright = upright and found.response.force[2] > 0
     checked = upright and state.d.model == "axisymmetric" and not state.sheared
     near = margin(state) if margin and checked else None
-    # a state that only estimates errors is told to nobody
-    told = scene.accuracy.tolerance_factor == 1
+    told = not scene.accuracy.estimates_only
     # a path that stops because the law loses stability does so in the next state, which it cannot reach: there the
     # strains are extrapolated
     reach = silicone_limits.REACH if stop or state.stability.is_unstable or onset else 1.0

@@ -29,15 +29,12 @@ MOST_ITERATIONS = 30
 """Several times the iterations from a good first guess; beyond them two increments of half the length are cheaper."""
 ROUNDING = 1e-18
 """Reactions over E D^2 and displacements over D below which the body is at rest: below their rounding errors."""
-CHORD, CHORDS = 0.02, 3
-"""The factorisation is reused for the next step if a step leaves less than the share CHORD of the residual, or if
-CHORDS more steps at the same rate reach the tolerance."""
-SLOW_CHORD, SLOW_CHORDS = 0.3, 4
-"""The same where the factorisation of an earlier step of a path is kept: both conditions, for a factorisation costs
-as much as four iterations."""
-CONFIRMED = 3.0
-"""Margin of the tolerance over the predicted residual after a last step with a kept factorisation that is not
-confirmed."""
+MOST_REUSED = 3
+"""A factorisation is reused while so many more steps reach the tolerance, if each leaves the share of the residual
+that the last one left: a new one costs as much as two to four steps."""
+SETTLED = 0.1
+"""Largest share of the residual that the step before a last one that is not confirmed has left: a step that leaves
+more may still change the contact."""
 
 Stop = Literal["", "no_convergence", "guess_inverted", "step_inverted", "singular", "force_lost"]
 STOPPED: dict[Stop, str] = {
@@ -199,10 +196,8 @@ def _evaluate(
     before, rate, left = last
 
     def keeps(rate: float) -> bool:
-        if not contact.keeps:
-            return rate <= CHORD or rate ** (CHORDS + 1) * left <= tolerance
         # the first step also settles the contact, which says nothing about the tangent
-        return not iteration or (rate <= SLOW_CHORD and rate ** (SLOW_CHORDS + 1) * left <= tolerance)
+        return (contact.keeps and not iteration) or rate ** (MOST_REUSED + 1) * left <= tolerance
 
     # Newton's method squares the rate: where that is enough, the tangent is assembled only if this proves wrong
     fresh = not (contact.knows(trial) and keeps(0.0 if contact.keeps else rate**2))
@@ -217,12 +212,8 @@ def _reaches(contact: Contact, rate: float, left: float, tolerance: float) -> bo
 
     The factorisation is that of the step before or a newer one, so the share does not grow.
     """
-    if contact.confirms or contact.stability.is_unstable:
-        return False
-    if contact.keeps:
-        return rate <= SLOW_CHORD and CONFIRMED * rate * left <= tolerance
-    # the rate holds once the contact is settled: steps that leave more than CHORD may still change it
-    return rate <= CHORD and rate * left <= tolerance
+    predicts = not contact.confirms and not contact.stability.is_unstable
+    return predicts and rate <= SETTLED and rate * left <= tolerance
 
 
 def _damp_step(
