@@ -8,6 +8,7 @@ import importlib
 import io
 import itertools
 import json
+import math
 import os
 import signal
 import sys
@@ -18,6 +19,7 @@ from browser import executable, launched
 
 from geometry.design import BadInput, paper
 from studies.cli import entry_point
+from studies.mechanics import solve_plan
 from studies.output import figures
 from studies.simulation import mechanics_sources
 
@@ -25,6 +27,9 @@ from studies.simulation import mechanics_sources
 # interrupt; a handler of their own is not handed on
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+# tests make many objects and few cycles: looking for these a hundred times less often takes a twelfth less time
+gc.set_threshold(50_000, 20, 20)
 
 BY_PLAIN = "make plain runs it"
 """Why a test is skipped that `make test` runs in an environment of its own."""
@@ -129,6 +134,14 @@ def made_once():
         mesh = symmetry_models._section_mesh.__wrapped__
         patch.setattr(symmetry_models, "_section_mesh", functools.lru_cache(maxsize=400)(mesh))
         patch.setattr(vl_convert, "javascript_bundle", functools.cache(vl_convert.javascript_bundle))
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def few_processes():
+    """Many states are no reason to start processes of their own, which import all again: tests run side by side."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(solve_plan, "INLINE", math.inf)
         yield
 
 

@@ -9,6 +9,7 @@ import socket
 import subprocess
 import sys
 import time
+from importlib.util import find_spec
 from pathlib import Path
 from typing import NamedTuple
 
@@ -23,7 +24,8 @@ from studies.mechanics.executor import SchedulerLost
 from studies.mechanics.tasks import finished
 from studies.output.provenance import installed
 
-pytest.importorskip("distributed", reason="the extra cluster is not installed")
+# not imported: this takes each process that collects the tests a second
+pytestmark = pytest.mark.skipif(find_spec("distributed") is None, reason="the extra cluster is not installed")
 
 TESTS = Path(__file__).parent
 
