@@ -6,10 +6,12 @@ import io
 import json
 import math
 import re
+from dataclasses import replace
 
 import pytest
 from conftest import make_fast, take_surrogate
 
+from fem.accuracy import LEVELS, QUICK
 from studies.cli import commands
 from studies.output import atomic_files
 from studies.sizing import advice, front_yield
@@ -38,6 +40,14 @@ def size(folder, needed, store, *options):
     (folder / "needed.toml").write_text(needed, encoding="utf-8")
     words = ["size", str(folder / "needed.toml"), "--out", str(folder / "out"), "--store", str(store)]
     return [*words, *SMALL, "--workers", "0", *options]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def rough_quick():
+    """The meshes of level quick are rough: that its own solves confirm a variant is shown on any mesh."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(LEVELS, "quick", replace(QUICK, section_size=0.3, section_patch=0.06, harmonics=1))
+        yield
 
 
 @pytest.fixture(scope="module")
@@ -178,7 +188,8 @@ def test_a_worst_load_is_what_solve_prints(sizing, capsys, monkeypatch):
     assert commands.run([*required.split()[1:], "--json"]) == 0
     state = json.loads(capsys.readouterr().out)
     assert state["force_N"] == pytest.approx([1.0, 0.0, 5.0], rel=1e-3)
-    for line in worst_lines:
+    # along one axis, and along both
+    for line in worst_lines[:2]:
         assert commands.run([*line.split()[1:], "--json"]) == 0
         state = json.loads(capsys.readouterr().out.splitlines()[-1])
         one = next(
