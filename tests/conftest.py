@@ -12,14 +12,16 @@ import math
 import os
 import signal
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from browser import executable, launched
 
+from fem.accuracy import QUICK
 from geometry.design import BadInput, paper
 from studies.cli import entry_point
-from studies.mechanics import solve_plan
+from studies.mechanics import executor, tasks
 from studies.output import figures
 from studies.simulation import mechanics_sources
 
@@ -31,6 +33,10 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 # tests make many objects and few cycles: looking for these a hundred times less often takes a twelfth less time
 gc.set_threshold(50_000, 20, 20)
 
+ROUGH = replace(
+    QUICK, name="rough", section_size=0.25, section_patch=0.03, solid_size=0.5, solid_patch=0.1, harmonics=1
+)
+"""Meshes for what holds on any mesh."""
 BY_PLAIN = "make plain runs it"
 """Why a test is skipped that `make test` runs in an environment of its own."""
 NO_BROWSER = "no Chromium is installed (Debian: apt-get install chromium)"
@@ -141,7 +147,8 @@ def made_once():
 def few_processes():
     """Many states are no reason to start processes of their own, which import all again: tests run side by side."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(solve_plan, "INLINE", math.inf)
+        for module in (executor, tasks):
+            patch.setattr(module, "INLINE", math.inf)
         yield
 
 
@@ -202,7 +209,6 @@ def gripped():
 
 def state_of(**load):
     """The state of the paper's beam without magnet under a load."""
-    from fem.accuracy import QUICK
     from fem.equilibrium import trace
     from geometry.loads import Load
 

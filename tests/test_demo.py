@@ -6,8 +6,8 @@ import functools
 import re
 
 import pytest
+from conftest import ROUGH
 
-from fem.accuracy import QUICK
 from geometry.design import Design
 from geometry.loads import Load
 from studies import demo
@@ -22,7 +22,7 @@ def made(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         press = [Load(depth=depth) for depth in (0.5, 1.0)]
         shear = [Load(depth=1.0, shear_x=shear, friction="stick") for shear in (0.0, 1.0)]
-        few = {"accuracy": QUICK, "loads": (press, shear)}
+        few = {"accuracy": ROUGH, "loads": (press, shear)}
         patch.setattr(demo, "run", functools.partial(demo.run, **few))
         patch.setattr(assembly_picture, "painter", contextlib.nullcontext)
         assert entry_point.main(["demo", "--out", str(folder)]) == 0

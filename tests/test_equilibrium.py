@@ -5,14 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from conftest import ROUGH
 from scipy.integrate import simpson
 
 from fem.accuracy import QUICK, STANDARD
 from fem.equilibrium import solve, trace
 from geometry.design import Design, paper
 from geometry.loads import Load
-
-ROUGH = replace(QUICK, solid_size=0.17)
 
 
 def normal(solution):
@@ -111,7 +110,7 @@ def test_without_contact_or_friction_there_is_no_force_and_the_message_says_so()
     slides = solve(paper(), Load(depth=0.5, shear_x=1.0), QUICK)
     assert (slides.response.force[0], "slides" in slides.message) == (0, True)
     assert "frictionless" in solve(paper(), Load(depth=0.5, friction="stick"), QUICK).message
-    missed = solve(paper(), Load(depth=1e-9), ROUGH, magnet="ignored", model="half")
+    missed = solve(paper(), Load(depth=1e-9), replace(QUICK, solid_size=0.17), magnet="ignored", model="half")
     assert (missed.status, "axisymmetric" in missed.message) == ("no_contact", True)
 
 

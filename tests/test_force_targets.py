@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from conftest import ROUGH
 
 from fem.accuracy import QUICK, STANDARD
 from fem.analyses.force_targets import (
@@ -27,9 +28,6 @@ from fem.solve.load_case_models import SHALLOW
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load
 
-ROUGH = replace(
-    QUICK, name="rough", section_size=0.25, section_patch=0.03, solid_size=0.5, solid_patch=0.1, harmonics=1
-)
 STICK = Load(friction="stick")
 
 

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pandas as pd
 import pytest
-from conftest import take_surrogate
+from conftest import ROUGH, take_surrogate
 from stores import temporary
 
 from analytic.hall import readings
@@ -137,7 +137,7 @@ def sheared():
     """Shears of the paper's sensor: in falling order, and one without a depth because its press has failed."""
     depth, shear = np.array([[0.1, 0.1, np.nan]]), np.array([[0.1, 0.05, 0.1]])
     with temporary() as memory:
-        yield FemBeams([paper()], FiniteElements(QUICK, {"store": memory, "workers": 0})).shear(depth, shear)
+        yield FemBeams([paper()], FiniteElements(ROUGH, {"store": memory, "workers": 0})).shear(depth, shear)
 
 
 def test_a_force_that_no_press_reaches_is_missed():
@@ -145,7 +145,7 @@ def test_a_force_that_no_press_reaches_is_missed():
     needed = Requirements(force_z=5000.0, **parts)
     drawn = Space(needed, catalogues_of(needed)).candidates(np.zeros((1, 3), dtype=int), np.full((1, 5), 0.5))
     with temporary() as memory:
-        (point,) = solved_points(drawn, needed, FiniteElements(QUICK, {"store": memory, "workers": 0}))
+        (point,) = solved_points(drawn, needed, FiniteElements(ROUGH, {"store": memory, "workers": 0}))
     assert point.reason.startswith("force_z is missed by 100 %")
 
 
@@ -163,7 +163,7 @@ def test_finite_elements_go_on_where_the_surrogate_has_no_answer_to_a_load():
     space = Space(needed, catalogues_of(needed))
     one = space.rounded(np.zeros((1, 3), dtype=int), np.array([[9.4, 7.7, 5.4, 0.8, -1.4]]))
     with temporary() as memory:
-        (point,) = solved_points(one, needed, FiniteElements(QUICK, {"store": memory, "workers": 0}))
+        (point,) = solved_points(one, needed, FiniteElements(ROUGH, {"store": memory, "workers": 0}))
     assert np.isnan(point.predicted["range_z"])
     assert point.solved["range_z"] > 3 * needed.force_z
     # of a front, which meets the loads of the search, such a variant is solved: under a third of the force along the
@@ -208,7 +208,7 @@ def test_an_unknown_error_is_not_taken_for_none(elements):
 
 def test_shears_are_those_of_one_path_whatever_their_order(sheared):
     loads = [Load(depth=0.8, shear_x=shear, friction="stick") for shear in (0.4, 0.8)]
-    near, far = (state.response for state in trace(paper(), loads, QUICK, model="harmonic"))
+    near, far = (state.response for state in trace(paper(), loads, ROUGH, model="harmonic"))
     assert sheared["force_x"].value[0, :2] * 64 == pytest.approx([far.force[0], near.force[0]], rel=1e-6)
     assert sheared["shift_z"].value[0, :2] * 8 == pytest.approx([-far.shift[2], -near.shift[2]], rel=1e-6)
 
@@ -261,7 +261,7 @@ def test_a_point_whose_worst_load_fails_is_not_ranked_but_what_it_dominates_is(e
     """The first point dominates the second and the last one, the second only the last one."""
     rows = [(10, 0.01, 20), (9, 0.01, 20), (9, 0.011, 18), (8, 0.011, 21)]
     with temporary() as memory:
-        fem = elements(QUICK, {"store": memory, "workers": 0})
+        fem = elements(ROUGH, {"store": memory, "workers": 0})
         order = ranked(loaded(rows, [0.5, 0.7, 0.7, 0.7]), dataclasses.replace(NEEDED, weight_size=2.0), fem)
     assert [(point.number, point.status, point.rank) for point in order] == [
         (3, "ok", 1),
@@ -285,7 +285,7 @@ def test_a_strain_that_is_unknown_under_one_load_is_unknown():
         (point,) = loaded([(10, 0.01, 20)], [0.7])
         point = dataclasses.replace(point, worst=[LOAD | {"E_MPa": E} for E in moduli])
         with temporary() as memory:
-            fem = Unknown(QUICK, {"store": memory, "workers": 0})
+            fem = Unknown(ROUGH, {"store": memory, "workers": 0})
             found = with_solved_loads(point, dataclasses.replace(NEEDED, largest_strain=0.8), fem)
         assert (found.status, found.reason) == ("failed", "largest_strain is not known")
 
@@ -296,12 +296,12 @@ def test_the_distance_from_the_rail_is_that_of_the_solved_state():
     row |= {"force_z_N": 2.2, "force_x_N": 0.7}
     point = dataclasses.replace(points([(10, 0.01, 20)])[0], variant=MADE, worst=[row])
     with temporary() as memory:
-        found = with_solved_loads(point, NEEDED, FiniteElements(QUICK, {"store": memory, "workers": 0}))
+        found = with_solved_loads(point, NEEDED, FiniteElements(ROUGH, {"store": memory, "workers": 0}))
     (solved,) = found.worst
     aside = solved["shear_mm"] * np.sqrt(0.5)
     load = Load(solved["depth_mm"], aside, aside, friction="stick")
     design = dataclasses.replace(MADE.design, E=0.7, remanence=1.3, hall_step=0.0)
-    response = solve(design, load, QUICK, model="harmonic").response
+    response = solve(design, load, ROUGH, model="harmonic").response
     output = readings(design, response).output
     distance = min(
         min((design.hall_high - out) / (design.hall_high - design.hall_null) for out in output),

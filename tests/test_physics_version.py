@@ -10,8 +10,8 @@ from typing import get_args
 
 import numpy as np
 import pytest
+from conftest import ROUGH
 
-from fem.accuracy import QUICK
 from fem.analyses.modes import modes
 from fem.analyses.stability import critical
 from fem.equilibrium import trace
@@ -21,9 +21,6 @@ from geometry.design import paper
 from geometry.loads import Load
 from studies.mechanics import timed_quantities
 
-ROUGH = replace(
-    QUICK, name="rough", section_size=0.25, section_patch=0.03, solid_size=0.5, solid_patch=0.1, harmonics=1
-)
 CASES = {
     "press": (paper(), [Load(depth=0.1), Load(depth=1.0)], "rigid"),
     "all silicone": (replace(paper(), nu=0.45), [Load(depth=0.5)], "ignored"),

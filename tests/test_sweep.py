@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from conftest import ROUGH
 from stores import temporary
 
 from analytic import beam, hall
@@ -30,9 +31,10 @@ from studies.sweeps.sweep import Shown
 
 BARE = Design(magnet_diameter=0.0, magnet_height=0.0)
 PRESS = ("force", "shift", "contact_radius", "readings")
+MODEL = (FemModel("rough", ROUGH),)
 
 
-def plan_of(design, axes, load=None, *, magnet="rigid", fem=(FemModel("quick", QUICK),), formulas=("paper",), **more):
+def plan_of(design, axes, load=None, *, magnet="rigid", fem=MODEL, formulas=("paper",), **more):
     """A study over a grid, or over factors."""
     factors = grid(axes) if isinstance(axes, dict) else axes
     return Plan(design, factors, load or {}, magnet, fem, formulas, more.get("quantities", PRESS))
@@ -69,7 +71,7 @@ def test_every_combination_is_a_row_in_order_and_alike_problems_share_a_solve(tr
 def test_similar_designs_have_the_answers_of_their_own_solves(traced):
     """Twice the size: all lengths, and with them the magnet and the depth, vary together."""
     big = Design(D=16.0, L=18.0, E=2.5, magnet_diameter=8.0, magnet_height=4.0, magnet_edge_radius=0.2, l0=14.4, f=9)
-    own = equilibrium.trace(big, [Load(depth=2.0)], QUICK)[0].response
+    own = equilibrium.trace(big, [Load(depth=2.0)], ROUGH)[0].response
     del traced[:]
     names = ("D", "L", "magnet_diameter", "magnet_height", "magnet_edge_radius", "l0", "f", "E", "depth")
     small = [getattr(paper(), name) for name in names[:-1]]
@@ -103,7 +105,7 @@ def test_many_messages_are_a_table():
     ]
     shown.rows, shown.count = rows, len(rows)
     _, messages = shown.result().shown
-    assert messages.rows[8] == ("D 8 mm", "said 8")
+    assert messages.rows[8] == {"cases": "D 8 mm", "remark": "said 8"}
     shown.rows = rows[:3]
     assert shown.result().shown[1:] == ["D 0 mm: said 0", "D 1 mm: said 1", "D 2 mm: said 2"]
 
@@ -119,7 +121,7 @@ def test_E_and_f_need_one_solve_and_the_figures_follow_them(traced):
         assert hard[name] == soft[name]
     assert soft_far["fem_S1_mT"] == soft["fem_S1_mT"]
     assert soft_far["fem_S2_mT"] != soft["fem_S2_mT"]
-    pose = equilibrium.solve(paper(), Load(depth=1.0), QUICK).response
+    pose = equilibrium.solve(paper(), Load(depth=1.0), ROUGH).response
     seen, formula = hall.readings(paper(), pose), beam.solve(paper(), Load(depth=1.0))
     assert soft["fem_S1_mT"] == pytest.approx(1e3 * seen.B_T[0], rel=1e-9)
     assert soft["fem_S1_V"] == pytest.approx(seen.V[0], rel=1e-9)
@@ -170,13 +172,14 @@ def test_a_sweep_takes_from_the_store_what_it_has_and_solves_what_is_missing(tra
 def test_a_case_that_fails_is_kept_and_not_tried_again(kept, traced):
     """This law loses its stability under a small press, which starts from rest whatever was solved before."""
     softening = replace(BARE, law="yeoh", yeoh_2=-5.0)
-    first = run(softening, {"depth": [1.0, 0.1]}, kept=kept)
+    quick = {"fem": (FemModel("quick", QUICK),), "kept": kept}
+    first = run(softening, {"depth": [1.0, 0.1]}, **quick)
     assert [row["status"] for row in first] == ["not_converged", "ok"]
     assert math.isnan(first[0]["fem_force_N"])
     assert math.isfinite(first[0]["analytic_force_N"])
     assert "0.2" in first[0]["message"]
     assert [[load.depth for load in args[1]] for args in traced] == [[0.1, 1.0]]
-    again = run(softening, {"depth": [1.0, 0.1]}, kept=kept)
+    again = run(softening, {"depth": [1.0, 0.1]}, **quick)
     assert len(traced) == 1
     assert str(again) == str(first)
 
@@ -198,7 +201,7 @@ def test_a_shear_is_solved_along_x_and_turned(traced):
     points = (Factor(("shear", "shear_y"), ((0.5, 0.0, -0.3, 0.0), (0.0, 0.5, 0.4, -0.5))),)
     x, y, oblique, back = run(paper(), points, {"depth": 0.5}, **SIDE)
     assert len(traced) == 1
-    own = equilibrium.solve(paper(), Load(0.5, -0.3, 0.4, "stick"), QUICK).response
+    own = equilibrium.solve(paper(), Load(0.5, -0.3, 0.4, "stick"), ROUGH).response
     assert (oblique["fem_force_x_N"], oblique["fem_force_y_N"]) == pytest.approx(own.force[:2], rel=1e-6)
     assert (oblique["fem_shift_x_mm"], oblique["fem_shift_y_mm"]) == pytest.approx(own.shift[:2], rel=1e-6)
     assert (oblique["fem_tilt_rad"], oblique["fem_tilt_y_rad"]) == pytest.approx((own.tilt, own.tilt_y), rel=1e-6)
@@ -211,8 +214,7 @@ def test_a_shear_is_solved_along_x_and_turned(traced):
 def test_where_the_beam_gives_way_no_error_along_the_shear_is_stated():
     """A slender tip that sticks to the plate beyond its critical depth pushes along the shear."""
     slender = replace(BARE, L=32.0)
-    rough = (FemModel("rough", replace(QUICK, section_size=0.25, section_patch=0.03, harmonics=1)),)
-    rows = run(slender, {"depth": [0.2, 0.8]}, {"shear": 0.8}, fem=rough, magnet="ignored", **SIDE)
+    rows = run(slender, {"depth": [0.2, 0.8]}, {"shear": 0.8}, magnet="ignored", **SIDE)
     assert [row["error_status"] for row in rows] == ["ok", "gave_way"]
     firm, gone = rows
     assert firm["fem_force_x_N"] > 0 > gone["fem_force_x_N"]
@@ -226,8 +228,7 @@ def test_where_the_beam_gives_way_no_error_along_the_shear_is_stated():
 
 def test_whether_a_beam_gave_way_is_unknown_where_the_error_of_its_force_is(monkeypatch):
     monkeypatch.setattr("fem.results.error_estimates.error_rule", lambda *_: None)
-    rough = (FemModel("rough", replace(QUICK, section_size=0.25, section_patch=0.03, harmonics=1)),)
-    (row,) = run(BARE, {"depth": [0.2]}, {"shear": 0.4}, fem=rough, magnet="ignored", **SIDE)
+    (row,) = run(BARE, {"depth": [0.2]}, {"shear": 0.4}, magnet="ignored", **SIDE)
     assert math.isnan(row["sideways_error_estimate"])
     assert (row["status"], row["error_status"]) == ("ok", "unknown")
     assert "so is whether the beam gave way" in row["message"]
@@ -250,11 +251,10 @@ def test_loads_of_all_kinds_have_rows_of_their_own():
         "grip": {"grip": 2.0, "shear": 0.2},
         "imperfection": {"depth": 0.3, "imperfection": 0.001},
     }
-    rough = (FemModel("rough", replace(QUICK, section_size=0.25, section_patch=0.03, harmonics=1)),)
     for load in cases.values():
-        (row,) = run(paper(), {"E": [0.5]}, load, fem=rough, formulas=(), **SIDE)
+        (row,) = run(paper(), {"E": [0.5]}, load, formulas=(), **SIDE)
         own_load = {"shear_x" if name == "shear" else name: value for name, value in load.items()}
-        own = equilibrium.solve(replace(paper(), E=0.5), Load(**own_load), rough[0].accuracy).response
+        own = equilibrium.solve(replace(paper(), E=0.5), Load(**own_load), ROUGH).response
         assert row["status"] == "ok"
         assert [row["fem_force_x_N"], row["fem_force_N"]] == pytest.approx([own.force[0], own.force[2]], rel=1e-9)
         assert row["fem_tilt_rad"] == pytest.approx(own.tilt, rel=1e-9)
@@ -271,11 +271,11 @@ def test_critical_depth_and_modes_scale_with_the_design(traced, kept):
     values = [(getattr(slender, name), getattr(small, name)) for name in names]
     points = (Factor((*names, "depth"), (*values, (0.5, 0.25))),)
     one, other = run(slender, points, **quantities, kept=kept)
-    depth = critical(slender, "ignored", accuracy=QUICK).depth
+    depth = critical(slender, "ignored", accuracy=ROUGH).depth
     assert one["critical_depth_mm"] == pytest.approx(depth, rel=1e-9)
     assert other["critical_depth_mm"] == pytest.approx(depth / 2, rel=1e-9)
     assert other["critical_force_N"] == pytest.approx(one["critical_force_N"], rel=1e-9)
-    own = modes(small, "ignored", 3, depth=0.25, accuracy=QUICK)
+    own = modes(small, "ignored", 3, depth=0.25, accuracy=ROUGH)
     assert [other[f"mode{k}_Hz"] for k in (1, 2, 3)] == pytest.approx(own.frequency, rel=1e-6)
     assert (other["mode1_shape"], one["status"]) == (own.shape[0], "ok")
     # the critical state and the modes, each once, and no state of the press, which nothing needs
@@ -344,7 +344,7 @@ def test_what_cannot_be_solved_is_kept_and_a_bug_ends_the_sweep(quantity, error,
     monkeypatch.setattr(KINDS[quantity], fails)
     load = {"depth": 0.5, "frequency": 1.0} if quantity == "cycle" else {"depth": 0.5}
     # states alone are always solved too
-    choices = {"quantities": (quantity,), "fem": (FemModel("quick", QUICK),)}
+    choices = {"quantities": (quantity,)}
     if issubclass(error, SolveFailed):
         (row,) = run(BARE, {"E": [1.0]}, load, kept=kept, **choices)
         assert row["status"] in ("failed", "not_converged")

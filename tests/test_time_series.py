@@ -6,13 +6,13 @@ import math
 
 import numpy as np
 import pytest
+from conftest import ROUGH
 from numpy.testing import assert_allclose
 
 from analytic.decode import decoder
 from analytic.inverse.forward_model import readings_with_slopes
 from analytic.stream import Stream
 from analytic.time_series import RelaxingForce, TimeSeries, zero_offset
-from fem.accuracy import QUICK
 from fem.analyses.timed_path import TimeControl, TimedLoad, follow
 from fem.equilibrium import solve
 from geometry.design import Design
@@ -61,10 +61,10 @@ def test_press_and_shear_of_finite_elements_in_time():
     design, depth, shear = Design(L=14.0, l0=12.2), 0.8, 0.7
     loads = [Load(depth), Load(depth, shear, friction="stick")]
     path = [TimedLoad(0.1, dataclasses.replace(loads[0], friction="stick")), TimedLoad(0.2, loads[1])]
-    reached = list(follow(design, path, QUICK, steps=TimeControl(1e-2), every_step=True))
+    reached = list(follow(design, path, ROUGH, steps=TimeControl(1e-2), every_step=True))
     depths = np.linspace(0, depth, 6)
-    presses = [0.0, *(solve(design, Load(each), QUICK).response.force[2] for each in depths[1:])]
-    sheared = solve(design, loads[1], QUICK).response.force
+    presses = [0.0, *(solve(design, Load(each), ROUGH).response.force[2] for each in depths[1:])]
+    sheared = solve(design, loads[1], ROUGH).response.force
     law, missed = RelaxingForce(design), []
     law.step(0.0, np.zeros(3), np.zeros(2))
     for state in reached:
