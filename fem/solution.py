@@ -51,6 +51,8 @@ class Facts:
         (see `fem.results.silicone_limits`); None where it was not computed.
     harmonics_missing : harmonics that a tilted plate needs beyond those of the model (see
         `fem.scene.Scene.orders_needed`); the error estimates have grown with them.
+    contact_pressure : largest pressure of the plate on the tip, over E, per deformed area, of an axisymmetric press;
+        None where it was not computed.
     largest_strain : largest principal nominal strain that 99.9 % of the silicone's volume stays below (see
         `fem.results.silicone_limits`); None where it was not computed.
     """
@@ -66,6 +68,7 @@ class Facts:
     sideways_half_width: float | None = None
     critical_depth: float | None = None
     largest_strain: float | None = None
+    contact_pressure: float | None = None
     harmonics_missing: int = 0
     crease_ratio: float | None = None
 
@@ -133,8 +136,9 @@ class Estimates:
     Those of force, shift and tilt are relative errors of the vectors, or of the numbers of a small shear; that of
     `sideways` is of the force along the shear, `depth` and `shear` of those that a wanted force leads to, `depth` of
     a critical depth too (and `force` then of the critical force), `stiffness` of a small shear. `strain` is that of
-    the largest strain, `crease` that of the crease ratio; that of `slip_share`, which may be 0, is absolute. None
-    where they are unknown, were not estimated, or the quantity is zero.
+    the largest strain, `pressure` of the largest contact pressure, `crease` of the crease ratio; that of
+    `slip_share`, which may be 0, is absolute. None where they are unknown, were not estimated, or the quantity is
+    zero.
     """
 
     force: float | None = None
@@ -147,6 +151,7 @@ class Estimates:
     contact_radius: float | None = None
     energy: float | None = None
     strain: float | None = None
+    pressure: float | None = None
     crease: float | None = None
     dissipated: float | None = None
     slip_share: float | None = None

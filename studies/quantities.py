@@ -22,10 +22,13 @@ from typing import TYPE_CHECKING, Literal, TypeVar
 if TYPE_CHECKING:
     from geometry.arrays import Array
 
-COLUMN_UNITS = {"1": "", "V/T": "_V_per_T", "V/sqrt(Hz)": "_V_per_sqrtHz", "kg/m3": "_kg_per_m3", "mm/s": "_mm_per_s"}
-"""Last part of a column's name for units that cannot stand there as they are."""
-SYMBOLS = {"1": "", "percent": "%", "deg": "°", "um": "µm", "mm3": "mm³", "kg/m3": "kg/m³", "V/sqrt(Hz)": "V/√Hz"}
-"""Units as people read them, where they differ from their names."""
+UNITS = {
+    "1": "", "percent": "%", "mm": "mm", "um": "µm", "mm3": "mm³", "deg": "°", "rad": "rad", "N": "N", "mN": "mN",
+    "MPa": "MPa", "mJ": "mJ", "N/mm": "N/mm", "kg/m3": "kg/m³", "mm/s": "mm/s", "Hz": "Hz", "s": "s", "K": "K",
+    "T": "T", "mT": "mT", "V": "V", "V/T": "V/T", "V/sqrt(Hz)": "V/√Hz", "MB": "MB",
+}  # fmt: skip
+"""Units by their names, as people read them; the only table of its kind. Those that files of users may state are in
+`studies.inputs`."""
 Number = TypeVar("Number", float, "Array")
 Path = Literal["", "critical depth", "modes", "response", "cycle"]
 
@@ -36,7 +39,16 @@ def column_name(name: str, unit: str) -> str:
     >>> column_name("force", "N"), column_name("nu", "1"), column_name("L/D", "1"), column_name("stiffness", "N/mm")
     ('force_N', 'nu', 'L_over_D', 'stiffness_N_per_mm')
     """
-    return name.replace("/", "_over_") + COLUMN_UNITS.get(unit, f"_{unit.replace('/', '_per_')}")
+    return "_".join(filter(None, (name.replace("/", "_over_"), column_unit(unit))))
+
+
+def column_unit(unit: str) -> str:
+    """Return a unit as the last part of a column's name.
+
+    >>> column_unit("1"), column_unit("mm"), column_unit("V/sqrt(Hz)")
+    ('', 'mm', 'V_per_sqrtHz')
+    """
+    return "" if unit == "1" else unit.replace("/", "_per_").replace("sqrt(Hz)", "sqrtHz")
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,8 +93,7 @@ class Part:
         >>> Part("loop_gap", "percent", "gap of the loop").title, Part("nu", "1", "Poisson's ratio").title
         ('gap of the loop (%)', "Poisson's ratio")
         """
-        symbol = SYMBOLS.get(self.unit, self.unit)
-        return f"{self.words} ({symbol})" if symbol else self.words
+        return f"{self.words} ({UNITS[self.unit]})" if UNITS[self.unit] else self.words
 
     @property
     def error_column(self) -> str:
@@ -171,6 +182,20 @@ for _quantity in (
                 estimate="strain",
             ),
         ),
+    ),
+    Quantity(
+        "contact_pressure",
+        (
+            Part(
+                "contact_pressure",
+                "MPa",
+                "largest contact pressure",
+                estimate="pressure",
+                stored="contact_pressure",
+                scale=(1, 0),
+            ),
+        ),
+        words="largest pressure of the plate on the tip, of upright presses by finite elements",
     ),
     Quantity(
         "sideways_stiffness",

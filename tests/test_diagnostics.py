@@ -46,6 +46,7 @@ def test_a_good_state_has_nothing_to_say_but_what_was_not_checked(pressed):
     state = read(pressed, SCENE, SCENE.loads[0], margin=lambda state: StabilityMargin(0.9, None, STABLE))
     known = {
         "largest_strain": state.facts.largest_strain,
+        "contact_pressure": state.facts.contact_pressure,
         "sideways_stiffness_ratio": 0.9,
         "crease_ratio": state.facts.crease_ratio,
     }
@@ -275,3 +276,29 @@ def test_the_strain_of_a_press_hardly_depends_on_the_mesh_or_on_the_model():
     harmonic = solve(paper(), load, QUICK, model="harmonic")
     strains = [state.facts.largest_strain for state in (quick, harmonic)]
     assert strains == pytest.approx([standard.facts.largest_strain] * 2, rel=0.02)
+
+
+def test_a_light_press_has_the_pressure_of_hertz():
+    """p0 = (6 F E*^2 / (pi^3 R^2))^(1/3), E* = E / (1 - nu^2), on a solid beam; scale and modulus follow."""
+    design = Design(D=10.0, L=15.0, E=2.0, magnet_diameter=0.0, magnet_height=0.0)
+    (state,) = trace(design, [Load(depth=0.03)], "fine", magnet="ignored", estimate=False)
+    stiff = design.E / (1 - design.nu**2)
+    hertz = (6 * state.response.force[2] * stiff**2 / (np.pi**3 * 5.0**2)) ** (1 / 3)
+    assert design.E * state.facts.contact_pressure == pytest.approx(hertz, rel=0.03)
+    larger = replace(design, D=20.0, L=30.0, E=0.5)
+    (similar,) = trace(larger, [Load(depth=0.06)], "fine", magnet="ignored", estimate=False)
+    assert similar.facts.contact_pressure == pytest.approx(state.facts.contact_pressure, rel=1e-9)
+
+
+def test_the_contact_pressure_does_not_move_with_the_mesh():
+    pressures = [
+        trace(paper(), [Load(depth=1.0)], level, estimate=False)[0].facts.contact_pressure
+        for level in ("quick", "standard", "fine")
+    ]
+    assert pressures == pytest.approx([pressures[-1]] * 3, rel=2e-3)
+    assert pressures[-1] == pytest.approx(0.475, rel=0.01)
+
+
+def test_the_contact_pressure_of_a_shear_is_unknown():
+    state = solve(paper(), Load(depth=0.5, shear_x=0.1, friction="stick"), QUICK)
+    assert state.facts.contact_pressure is None

@@ -104,6 +104,7 @@ def diagnose(
         critical_depth=None if near is None or near.critical_depth is None else near.critical_depth * D,
         crease_ratio=None if stop else state.crease_ratio,
         largest_strain=silicone_limits.largest_strain(state.d.elements, u),
+        contact_pressure=silicone_limits.contact_pressure(state),
         harmonics_missing=scene.orders_needed(depth) - scene.harmonics_at(depth) if state.d.revolved else 0,
     )
     found = replace(found, facts=facts)

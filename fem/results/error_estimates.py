@@ -188,7 +188,7 @@ def solve_coarser(scene: Scene, solve: Callable[[Scene], Answer]) -> Answer | No
         return None
 
 
-NUMBERS = ("contact_radius", "energy", "strain", "crease", "dissipated", "slip_share")
+NUMBERS = ("contact_radius", "energy", "strain", "pressure", "crease", "dissipated", "slip_share")
 """Numbers of a state beside its response. Where a scene has no rule for one of them, its error is unknown."""
 
 
@@ -202,6 +202,7 @@ def numbers_of(state: Solution) -> Numbers:
         "contact_radius": state.response.contact_radius or None,
         "energy": state.energy,
         "strain": facts.largest_strain,
+        "pressure": facts.contact_pressure,
         "crease": facts.crease_ratio,
         "dissipated": None if slips is None else state.dissipated,
         "slip_share": slips,

@@ -28,6 +28,7 @@ from fem.model import elements
 from fem.model.elements import Elements
 from fem.model.material import Law, evaluate, neo_hookean, ogden, yeoh
 from fem.model.nonlinear_system import System
+from fem.solve.path_state import PathState
 from geometry.arrays import Array
 
 REACH = 1.1
@@ -104,6 +105,23 @@ def find_loss(system: System, u: Array, reach: float = REACH) -> Array | None:
     line = np.linspace(0, 1, STEPS + 1)[:, None] * where
     first = int(np.argmax(least_stiffness(stress_and_stiffness(system.law, line)[1]) <= 0))
     return np.asarray(np.exp(line[first]))
+
+
+def contact_pressure(state: PathState) -> float | None:
+    """Return the largest pressure on the skin over E, per deformed area; None off the axis, and on a mesh too coarse.
+
+    The facet in which the contact ends, and the one beside it, are left out: there the springs of single points carry
+    what the facet's other points, which do not touch, cannot. The pressure of a smooth contact is largest near the
+    axis and falls to 0 at its end (Hertz: p0 = 3 F / (2 pi a^2)), so nothing is lost where three facets touch.
+    """
+    if state.d.model != "axisymmetric" or state.plate.height is None:
+        return None
+    along, around = state.skin_stretches
+    whole = np.flatnonzero((state.overlap > 0).all(axis=1))
+    outermost = state.skin.radii[whole].max(axis=1, initial=0.0).argsort()[-1:]
+    inner = np.delete(whole, outermost)
+    pressure = state.plate.stiffness * state.overlap / (along * around)
+    return float(pressure[inner].max()) if len(inner) else None
 
 
 def largest_strain(e: Elements, u: Array) -> float:

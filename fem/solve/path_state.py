@@ -127,6 +127,18 @@ class PathState:
         return plate_contact.overlap(self.skin, self.u, self.plate)
 
     @functools.cached_property
+    def skin_stretches(self) -> tuple[Array, Array]:
+        """Stretches along the meridian and around the axis at the points of an axisymmetric skin, (k, q) each."""
+        skin, nodes = self.skin, self.d.system.elements.nodes
+        before = nodes[skin.nodes]
+        after = before + self.u[skin.nodes]
+        # the place of a point on its facet, from -1 to 1, is the difference of the corners' quadratic shape functions
+        place = skin.shape[:, 1] - skin.shape[:, 0]
+        slope = np.stack([place - 0.5, place + 0.5, -2 * place], axis=1)
+        along = np.linalg.norm(slope @ after, axis=-1) / np.linalg.norm(slope @ before, axis=-1)
+        return along, (after[..., 0] @ skin.shape.T) / (before[..., 0] @ skin.shape.T)
+
+    @functools.cached_property
     def crease_ratio(self) -> float | None:
         """Largest ratio of the stretches normal to the free skin and along it; None off the axis.
 
@@ -136,15 +148,9 @@ class PathState:
         """
         if self.d.model != "axisymmetric":
             return None
-        skin, nodes = self.skin, self.d.system.elements.nodes
-        before = nodes[skin.nodes]
-        after = before + self.u[skin.nodes]
-        # the place of a point on its facet, from -1 to 1, is the difference of the corners' quadratic shape functions
-        place = skin.shape[:, 1] - skin.shape[:, 0]
-        slope = np.stack([place - 0.5, place + 0.5, -2 * place], axis=1)
-        along = np.linalg.norm(slope @ after, axis=-1) / np.linalg.norm(slope @ before, axis=-1)
-        around = (after[..., 0] @ skin.shape.T) / (before[..., 0] @ skin.shape.T)
-        free = (self.overlap <= 0) & (before[..., 1] @ skin.shape.T > CLAMP)
+        along, around = self.skin_stretches
+        height = self.d.system.elements.nodes[self.skin.nodes][..., 1] @ self.skin.shape.T
+        free = (self.overlap <= 0) & (height > CLAMP)
         nu = 1 / (2 * float(self.d.system.mu[0, 0])) - 1  # E is the unit of stress
         along, around = along[free], around[free]
         return float(((along * around) ** (-nu / (1 - nu)) / np.minimum(along, around)).max(initial=0.0))

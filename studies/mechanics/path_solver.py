@@ -40,7 +40,7 @@ from studies.mechanics import timed_quantities
 from studies.mechanics.store import Outcome, Position, State, position
 from studies.mechanics.timed_quantities import STILL, PlateMotion
 from studies.output.provenance import versions
-from studies.quantities import QUANTITIES, stored_values
+from studies.quantities import QUANTITIES, stored_parts, stored_values
 
 if TYPE_CHECKING:
     from fem.solution import Solution
@@ -279,7 +279,7 @@ def _smaller_steps(load: Load, solved: Sequence[Position], D: float) -> list[Loa
     return [_at(load, at, D) for at in positions]
 
 
-ESTIMATED = ("force", "shift", "tilt", "sideways", "contact_radius", "strain")
+ESTIMATED = ("force", "shift", "tilt", "sideways", "contact_radius", *(each.estimate for each in stored_parts()))
 """Quantities of a state whose estimated errors are stored."""
 
 
@@ -304,7 +304,7 @@ def _state(scene: Scene, load: Load, solution: Solution, *, ratios: bool) -> Sta
         "response": dataclasses.asdict(solution.response),
         "error_estimate": estimates.force,
         "message": solution.message,
-        "estimates": {name: getattr(estimates, name) for name in ESTIMATED},
+        "estimates": {name: getattr(estimates, name) for name in ESTIMATED if name},
         "values": values,
     }
     return _stored(scene, load, "ok", solution.status, answer, solution.seconds)

@@ -7,25 +7,12 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from studies.output.literals import in_markdown
+from studies.quantities import UNITS, column_unit
 
-UNITS = {
-    "mm": ("mm", 1.0),
-    "mm3": ("mm³", 1.0),
-    "um": ("µm", 1.0),
-    "N": ("N", 1.0),
-    "rad": ("rad", 1.0),
-    "MPa": ("MPa", 1.0),
-    "T": ("mT", 1e3),
-    "mT": ("mT", 1.0),
-    "V": ("V", 1.0),
-    "Hz": ("Hz", 1.0),
-    "mJ": ("mJ", 1.0),
-    "s": ("s", 1.0),
-    "MB": ("MB", 1.0),
-    "deg": ("°", 1.0),
-    "percent": ("%", 1.0),
-}
-"""The last word of a key, the unit in which its values are shown, and the factor to that unit."""
+SHOWN = {"T": ("mT", 1e3)}
+"""Units in which values are shown that are kept in another one, and the factor to them."""
+SYMBOLS = {column_unit(unit): symbol for unit, symbol in UNITS.items() if symbol}
+"""Symbols of units by the last part of a key."""
 TURNS = {
     "tilt_rad": "tilt towards x",
     "tilt_y_rad": "tilt towards y",
@@ -33,13 +20,13 @@ TURNS = {
 }
 """Names of the magnet's rotations: tilt of its axis towards x or y, or the rotation vector (-tilt_y, tilt)."""
 MISFITS = {
-    "fit_error_rad": ("error of the decoder's polynomials, tilt", UNITS["rad"][0]),
-    "fit_error_N": ("error of the decoder's polynomials, force", UNITS["N"][0]),
-    "table_error_mm": ("error of the tables, shift", UNITS["mm"][0]),
-    "table_error_N": ("error of the tables, force", UNITS["N"][0]),
-    "fit_error_percent": ("error of the polynomials, over full scale", UNITS["percent"][0]),
+    "fit_error_rad": ("error of the decoder's polynomials, tilt", UNITS["rad"]),
+    "fit_error_N": ("error of the decoder's polynomials, force", UNITS["N"]),
+    "table_error_mm": ("error of the tables, shift", UNITS["mm"]),
+    "table_error_N": ("error of the tables, force", UNITS["N"]),
+    "fit_error_percent": ("error of the polynomials, over full scale", UNITS["percent"]),
     "full_scale": ("full scale is", ""),
-    "table_error_percent": ("error of the tables, force over full scale", UNITS["percent"][0]),
+    "table_error_percent": ("error of the tables, force over full scale", UNITS["percent"]),
 }
 """Names of the decoder's errors: differences of its polynomials from the fitted states or formulas, and of tables."""
 
@@ -69,7 +56,7 @@ def heading(key: str) -> tuple[str, str]:
     (('stiffness', 'N/mm'), ('shift', 'mm/mm'), ('gain drift', '1/K'), ('depth', 'mm'))
     """
     if key in TURNS:
-        return TURNS[key], UNITS["rad"][0]
+        return TURNS[key], UNITS["rad"]
     if key in MISFITS:
         return MISFITS[key]
     name, _, last = key.rpartition("_")
@@ -77,8 +64,8 @@ def heading(key: str) -> tuple[str, str]:
         above, unit = heading(name.removesuffix("_per"))
         # a motion over a length is one of the same unit
         return above, f"{unit or ('1' if last == 'K' else last)}/{last}"
-    if name and last in UNITS:
-        return in_words(name), UNITS[last][0]
+    if name and last in SYMBOLS:
+        return in_words(name), SHOWN.get(last, (SYMBOLS[last], 1.0))[0]
     return in_words(key), ""
 
 
@@ -94,7 +81,7 @@ def in_words(key: str) -> str:
 
 def shown(key: str, value: Any, digits: int = 5) -> str:
     """Return a value as text, in the unit of the key's heading."""
-    factor = UNITS.get(key.rpartition("_")[2], ("", 1.0))[1]
+    factor = SHOWN.get(key.rpartition("_")[2], ("", 1.0))[1]
     if isinstance(value, (list, tuple)):
         return ", ".join(shown(key, item, digits) for item in value)
     if isinstance(value, Mapping):
@@ -143,21 +130,14 @@ def cell(value: Any, digits: int = 3) -> str:
     return f"{value:.{digits}g}" if isinstance(value, float) else in_markdown(value)
 
 
-AXIS_UNITS = {
-    "V_per_T": "V/T", "V_per_sqrtHz": "V/√Hz", "kg_per_m3": "kg/m³", "mm_per_s": "mm/s", "N_per_mm": "N/mm",
-    "MPa": "MPa", "mm": "mm", "um": "µm", "deg": "°", "rad": "rad", "percent": "%", "mT": "mT", "T": "T",
-    "mN": "mN", "N": "N", "V": "V", "Hz": "Hz", "K": "K", "s": "s",
-}  # fmt: skip
-"""Units of axes by the last part of a column's name."""
-
-
 def quantity_name(column: str) -> str:
     """Return the name of a column with its unit, in which its numbers are.
 
     >>> quantity_name("magnet_height_mm"), quantity_name("nu"), quantity_name("speed_mm_per_s")
     ('magnet height (mm)', 'nu', 'speed (mm/s)')
     """
-    for end, unit in AXIS_UNITS.items():
+    # the longest end: V_per_T ends with T
+    for end, unit in sorted(SYMBOLS.items(), key=lambda item: -len(item[0])):
         if column.endswith(f"_{end}"):
             return f"{column.removesuffix(f'_{end}').replace('_', ' ')} ({unit})"
     return in_words(column)

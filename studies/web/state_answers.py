@@ -23,11 +23,14 @@ from fem.accuracy import LEVELS
 from fem.analyses import modes, stability
 from fem.equilibrium import trace
 from fem.solution import Solution
+from geometry import design_digest
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.loads import ANSWERED, Load, Magnet, Response
+from studies import quantities
 from studies.mechanics import surrogate_range, surrogate_response
 from studies.mechanics.path_solver import frequency_unit
+from studies.simulation import state_rows
 from studies.simulation.compare import default_loads
 from studies.web.explorer_state import ExplorerState
 
@@ -72,6 +75,7 @@ def numbers(
         "load": {"depth": solution.load.depth, "shear": list(solution.load.imposed_shear)},
         "response": response_data(solution.response),
         "estimates": widths,
+        "stored": stored(solution, state.design),
         "seconds": solution.seconds,
         "readings": readings(state.design, solution.response, widths),
         "decoded": None if decoder is None else decoded(decoder, solution.response, widths),
@@ -150,6 +154,17 @@ def response_data(response: Response) -> Data:
         "tilt_y": math.degrees(response.tilt_y),
         "contact_radius": response.contact_radius,
     }
+
+
+def stored(solution: Solution, design: Design) -> list[Data]:
+    """Return the rows of what a state holds beside its response (`studies.quantities`); a free one holds nothing."""
+    row = state_rows.stored_columns(solution, design_digest.of_mechanics(design))
+    found = []
+    for part in quantities.stored_parts() if solution.load.depth else ():
+        value, share = row[part.column], row.get(f"{part.name}_error_estimate")
+        half = row.get(f"{part.column}_half_width", _times(share, value))
+        found.append(number(part.words, quantities.UNITS[part.unit], value, half))
+    return found
 
 
 def half_widths(solution: Solution) -> Data:
@@ -381,13 +396,17 @@ def _response_table(data: Data) -> Data:
     rows = [row(name, "N", "force", k) for k, name in zip((2, 0, 1), (AXES[2], *AXES[:2]), strict=True)]
     rows += [row(f"shift along {axis}", "mm", "shift", k) for k, axis in enumerate("xyz")]
     rows += [row("tilt towards x", "deg", "tilt"), row("tilt towards y", "deg", "tilt_y")]
+    rows.append(row("contact radius", "mm", "contact_radius"))
+    rows += [
+        each if is_known else each | {"half_width": PENDING} for each in data["stored"] if each["value"] is not None
+    ]
     notes = {
         level: " ".join(filter(None, [data["calibration"], one["message"] and f"Formula {level}: {one['message']}"]))
         for level, one in formulas.items()
     }
     return {
         "columns": ["finite elements", {level: f"formula {level}" for level in formulas}],
-        "rows": [*rows, row("contact radius", "mm", "contact_radius")],
+        "rows": rows,
         "message": notes,
     }
 
