@@ -298,3 +298,11 @@ def test_a_lock_on_a_file_that_was_removed_meanwhile_is_taken_anew(tmp_path, mon
         with pytest.raises(atomic_files.Held), atomic_files.only(file):
             pass
         assert file.exists()
+
+
+def test_a_lock_file_that_is_a_link_leads_to_no_file_of_the_user(tmp_path):
+    (tmp_path / "mine.txt").write_text("mine")
+    (tmp_path / atomic_files.LOCK).symlink_to("mine.txt")
+    with pytest.raises(OSError, match="symbolic links"), atomic_files.filled(tmp_path):
+        pass
+    assert (tmp_path / "mine.txt").read_text() == "mine"

@@ -8,6 +8,7 @@ process at a time fills an output folder or writes an output file.
 from __future__ import annotations
 
 import contextlib
+import errno
 import functools
 import glob
 import json
@@ -15,7 +16,6 @@ import math
 import os
 import platform
 import shutil
-import sys
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
@@ -251,8 +251,10 @@ def _cause(error: Exception) -> str:
 # Locks: one process writes at a time
 
 
-LOCKED_BYTE = 1 << 20
-"""Position of the byte that Windows locks: far beyond the text, which other processes must be able to read."""
+PATIENCE = 0.2
+"""Time in which a lock file that its last owner has just deleted is made anew, s."""
+WITHOUT_LOCKS = (errno.ENOSYS, errno.ENOLCK, errno.ENOTSUP)
+"""Errors of a file system that has no locks: there one writes without."""
 
 
 class Held(Exception):
@@ -266,30 +268,27 @@ class Held(Exception):
 @contextlib.contextmanager
 def only(file: Path) -> Iterator[None]:
     """Hold the lock of this lock file, which is deleted afterwards, or raise `Held` if another process holds it."""
-    handle = _locked_handle(file)
-    try:
+    import filelock
+
+    def sign(handle: int) -> None:
         os.ftruncate(handle, 0)
         os.write(handle, f"{os.getpid()} {platform.node()}".encode())
+
+    lock = filelock.FileLock(file, timeout=PATIENCE, on_acquired=sign)
+    try:
+        lock.acquire()
+    except filelock.Timeout:
+        raise Held(_owner(file)) from None
+    except OSError as error:
+        if error.errno not in WITHOUT_LOCKS:
+            raise
+    try:
         yield
     finally:
-        _release(file, handle)
-
-
-def _locked_handle(file: Path) -> int:
-    while True:
-        handle = os.open(file, os.O_RDWR | os.O_CREAT, 0o666)
-        try:
-            if not _try_lock(handle):
-                raise Held(_owner(file))
-            # the last owner may have deleted the file between opening and locking: then other processes would lock
-            # a new file of this name, so open again
-            with contextlib.suppress(FileNotFoundError):
-                if os.path.samestat(os.stat(file), os.fstat(handle)):
-                    return handle
-        except BaseException:
-            os.close(handle)
-            raise
-        os.close(handle)
+        # deleted while the lock is held: later it could already be the lock file of the next process
+        with contextlib.suppress(OSError):
+            file.unlink()
+        lock.release()
 
 
 def _owner(file: Path) -> str:
@@ -298,41 +297,3 @@ def _owner(file: Path) -> str:
         if process.isdecimal():
             return f"process {process}" + (f" on {machine}" if machine != platform.node() else "")
     return "another process"
-
-
-if sys.platform == "win32":
-    import msvcrt
-
-    def _try_lock(handle: int) -> bool:
-        os.lseek(handle, LOCKED_BYTE, os.SEEK_SET)
-        try:
-            msvcrt.locking(handle, msvcrt.LK_NBLCK, 1)
-        except PermissionError:
-            return False
-        finally:
-            os.lseek(handle, 0, os.SEEK_SET)
-        return True
-
-    def _release(file: Path, handle: int) -> None:
-        # Windows deletes no open file; if another process has opened this one meanwhile, that process deletes it
-        os.close(handle)
-        with contextlib.suppress(OSError):
-            file.unlink()
-
-else:
-    import fcntl
-
-    def _try_lock(handle: int) -> bool:
-        try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            return False
-        except OSError:
-            return True  # the file system has no locks
-        return True
-
-    def _release(file: Path, handle: int) -> None:
-        # delete the file while the lock is held: later it could already be the lock file of the next process
-        with contextlib.suppress(OSError):
-            file.unlink()
-        os.close(handle)
