@@ -45,8 +45,8 @@ def test_no_value_is_cut(columns, capsys, monkeypatch):
         nothing_is_cut(rows_of(name), capsys)
 
 
-def shown(key, value, digits=4):
-    return text_tables.shown(key, value, digits).split()
+def words_of(key, value, digits=4):
+    return text_tables.in_unit(key, value, digits).split()
 
 
 def nothing_is_cut(rows, capsys):
@@ -59,12 +59,12 @@ def nothing_is_cut(rows, capsys):
         head = next(k for k, line in enumerate(whole) if line.startswith("─"))
         columns = [" ".join(line[a:b] for line in whole[head + 1 :]).split() for a, b in pairwise(starts)]
         for key, words in zip(table.widths, columns, strict=True):
-            assert words == [word for row in rows for word in shown(key, row[key])], key
+            assert words == [word for row in rows for word in words_of(key, row[key])], key
         rest = rows[:1]
         console.report(rest, as_json=False)
         whole = capsys.readouterr().out.splitlines()
     digits = 5 if rest is not rows else 4
-    upright = [(*text_tables.heading(key), *shown(key, row[key], digits)) for row in rest for key in row]
+    upright = [(*text_tables.heading(key), *words_of(key, row[key], digits)) for row in rest for key in row]
     said = "".join(f"{name}{''.join(words)}{unit}" for name, unit, *words in upright)
     assert "".join("".join(whole).split()) == "".join(said.split())
 

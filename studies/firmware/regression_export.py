@@ -27,7 +27,8 @@ from studies.firmware.decoder_export import HEADER, PLAIN, STATUSES, VECTORS, nu
 from studies.inputs.table_input import COLDEST, HOTTEST
 from studies.inputs.user_input import design_text
 from studies.output.atomic_files import write_text
-from studies.output.result import Result, Table, Writer
+from studies.output.result import Result, Writer
+from studies.output.text_tables import shown
 from studies.parts.requirements import Requirements, full_scale
 
 CODE, WARM_CODE = 2_400, 100
@@ -196,7 +197,7 @@ def run(
     }  # fmt: skip
     remark = (
         f"float adds {error:.1g} N to the errors of the {found.words}, which on held-out rows were "
-        f"{_listed(found.held_out)} N along x, y and z"
+        f"{shown(found.held_out.tolist(), 2, 'unknown')} N along x, y and z"
     )
     remarks = [remark]
     if found.is_thermal:
@@ -204,9 +205,4 @@ def run(
             "give the decoder the temperature by magtip_set_temperature: out of the bench's it has no interval"
         )
     files = {name: partial(write_text, text=text) for name, text in made.items()}
-    shown = [Table(title="Firmware", rows=[record])]
-    return Result(title="Firmware", records=[record], shown=shown, remarks=remarks, files={**files, **more})
-
-
-def _listed(values: Array) -> str:
-    return ", ".join("unknown" if math.isnan(value) else f"{value:.2g}" for value in values)
+    return Result(title="Firmware", records=[record], remarks=remarks, files={**files, **more})

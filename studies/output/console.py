@@ -148,7 +148,7 @@ class _Table:
     def add(self, records: Sequence[Mapping[str, Any]]) -> None:
         """Print records, as rows of the columns that fit, else with one value to a line."""
         cells = {
-            key: [one_line(text_tables.shown(key, record.get(key), 4)) for record in records] for key in self.keys
+            key: [one_line(text_tables.in_unit(key, record.get(key), 4)) for record in records] for key in self.keys
         }
         least = {key: self._least(key, texts) for key, texts in cells.items()}
         title = [] if self.least else _titled(self.title)
@@ -227,7 +227,7 @@ def _upright(record: Mapping[str, Any], keys: Sequence[str], digits: int) -> Ite
     heads = [text_tables.heading(key) for key in keys]
     longest = max((_width(name) for name, _ in heads), default=0)
     for key, (name, unit) in zip(keys, heads, strict=True):
-        value = one_line(f"{text_tables.shown(key, record.get(key), digits)} {unit}".strip())
+        value = one_line(f"{text_tables.in_unit(key, record.get(key), digits)} {unit}".strip())
         if longest + GAP + _width(value) <= room():
             yield name + " " * (longest + GAP - _width(name)) + value
         else:
@@ -300,7 +300,7 @@ def messages(
 
 def _places(records: Sequence[Mapping[str, Any]], keys: Sequence[str]) -> str:
     heads = [text_tables.heading(key) for key in keys]
-    cells = [[text_tables.shown(key, record.get(key), 4) for key in keys] for record in records[:MOST_NAMED]]
+    cells = [[text_tables.in_unit(key, record.get(key), 4) for key in keys] for record in records[:MOST_NAMED]]
     more = f" and {len(records) - MOST_NAMED} more" if len(records) > MOST_NAMED else ""
     if len(keys) == 1:
         ((name, unit),) = heads
@@ -389,18 +389,13 @@ def chosen_progress(wanted: Progress | bool | None) -> Iterator[Progress | None]
 
 
 def _over_the_last_line(share: float, text: str) -> None:
-    """Print a bar where no terminal is, but a carriage return leads to the beginning of the line: in a notebook."""
-    print(f"\r{bar_of(share)}  {text:60.60}", end="", file=sys.stderr, flush=True)
+    """Print a bar where no terminal is, but a carriage return leads to the beginning of the line: in a notebook.
 
-
-def bar_of(share: float, width: int = 24) -> str:
-    """Return a share, 0 to 1, as a bar and in percent.
-
-    >>> bar_of(0.5, 4)
-    '██░░  50 %'
+    There rich needs ipywidgets, which a notebook may not have.
     """
-    full = round(share * width)
-    return f"{'█' * full}{'░' * (width - full)} {100 * share:3.0f} %"
+    full = round(24 * share)
+    bar = f"{'█' * full}{'░' * (24 - full)} {100 * share:3.0f} %"
+    print(f"\r{bar}  {text:60.60}", end="", file=sys.stderr, flush=True)
 
 
 def _rising(show: Progress, *, each: bool) -> Progress:

@@ -67,7 +67,7 @@ def _environment(folder: Path) -> Any:
         "cell": cell,
         "listed": listed,
         "sentence": sentence,
-        "shown": functools.partial(shown, ""),
+        "shown": shown,
         "f": format,
         "md": literals.in_markdown,
         "code": literals.as_code,

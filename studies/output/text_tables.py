@@ -79,19 +79,35 @@ def in_words(key: str) -> str:
     return f"{words} Hz" if key.rpartition("_at_")[2].isdigit() else words
 
 
-def shown(key: str, value: Any, digits: int = 5) -> str:
-    """Return a value as text, in the unit of the key's heading."""
-    factor = SHOWN.get(key.rpartition("_")[2], ("", 1.0))[1]
+def in_unit(key: str, value: Any, digits: int = 5) -> str:
+    """Return a value as text, in the unit of the key's heading.
+
+    >>> in_unit("field_T", 0.01), in_unit("bounds", {"shift_mm": [0.1, 2.0], "force_N": None})
+    ('10', 'shift 0.1, 2 mm, force - N')
+    """
     if isinstance(value, (list, tuple)):
-        return ", ".join(shown(key, item, digits) for item in value)
+        return ", ".join(in_unit(key, item, digits) for item in value)
     if isinstance(value, Mapping):
-        parts = [(*heading(name), shown(name, part, digits)) for name, part in value.items()]
+        parts = [(*heading(name), in_unit(name, part, digits)) for name, part in value.items()]
         return ", ".join(f"{name} {text} {unit}".strip() for name, unit, text in parts)
+    factor = SHOWN.get(key.rpartition("_")[2], ("", 1.0))[1]
+    return shown(factor * value if isinstance(value, float) else value, digits)
+
+
+def shown(value: Any, digits: int = 5, nothing: str = "-") -> str:
+    """Return a value as text: a number with so many significant digits, and a text for no value.
+
+    >>> shown(0.123456789), shown([2.0, -0.0, None], 3), shown(True), shown(math.nan, nothing="unknown")
+    ('0.12346', '2, 0, -', 'yes', 'unknown')
+    """
+    if isinstance(value, (list, tuple)):
+        return ", ".join(shown(item, digits, nothing) for item in value)
     if isinstance(value, bool):
         return "yes" if value else "no"
-    if isinstance(value, float) and value == value:
-        return f"{factor * value + 0.0:.{digits}g}"
-    return "-" if value is None or value == "" or value != value else str(value)
+    if value is None or value == "" or value != value:
+        return nothing
+    # no zero has a sign
+    return f"{value + 0.0:.{digits}g}" if isinstance(value, float) else str(value)
 
 
 # Markdown
@@ -123,11 +139,9 @@ def markdown(
 
 def cell(value: Any, digits: int = 3) -> str:
     """Return a value as a cell: no number is empty, a missed yes or no is bold."""
-    if value is None or (isinstance(value, float) and not math.isfinite(value)):
-        return ""
-    if isinstance(value, bool):
-        return "yes" if value else "**no**"
-    return f"{value:.{digits}g}" if isinstance(value, float) else in_markdown(value)
+    if value is False:
+        return "**no**"
+    return in_markdown(shown(value, digits, "")) if value not in (math.inf, -math.inf) else ""
 
 
 def quantity_name(column: str) -> str:

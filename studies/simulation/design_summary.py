@@ -15,6 +15,7 @@ from geometry.messages import WARNING, Progress
 from studies.output import atomic_files, vtk_files
 from studies.output.records import FlatRow
 from studies.output.result import Result, Table
+from studies.output.text_tables import shown
 
 if TYPE_CHECKING:
     from geometry.base import Plan
@@ -26,11 +27,6 @@ def origin(name: str, design: Design) -> str:
     if getattr(design, name) != getattr(paper(), name):
         return "changed"
     return "assumed" if spec.metadata["assumed"] else "paper"
-
-
-def shown(value: float | str) -> str:
-    """Format a field's value for a table."""
-    return (value or "none") if isinstance(value, str) else f"{value:g}"
 
 
 def study(design: Design, base: Base = Base(), process: str = "fdm") -> Result:
@@ -46,7 +42,7 @@ def study(design: Design, base: Base = Base(), process: str = "fdm") -> Result:
     rows = []
     for spec in specs:
         unit = "" if spec.metadata["unit"] == "1" else spec.metadata["unit"]
-        value = shown(getattr(design, spec.name))
+        value = shown(getattr(design, spec.name), 6, "none")
         source = "unused" if spec.name in unused else origin(spec.name, design)
         row = {"field": spec.name, "value": value, "unit": unit, "source": source, "meaning": spec.metadata["text"]}
         rows.append(row)

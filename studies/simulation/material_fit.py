@@ -24,6 +24,7 @@ from studies.output.figures import FREE, LOG, Figure, markers, rule, save, style
 from studies.output.literals import one_line, toml
 from studies.output.records import FlatRow
 from studies.output.result import Block, Result, Table
+from studies.output.text_tables import shown
 from studies.simulation import branch_regression, law_regression, material_tests
 from studies.simulation.branch_regression import BranchFit, thinned
 from studies.simulation.law_regression import MISFIT, Fit, nominal_stress
@@ -48,12 +49,12 @@ Curve = tuple[Array, NDArray[Any]]
 def _texts(record: FlatRow) -> FlatRow:
     def text(name: str, value: Any) -> Any:
         if isinstance(value, dict):
-            return ", ".join(f"{key}={number:.6g}" for key, number in value.items())
+            return ", ".join(f"{key}={shown(number, 6)}" for key, number in value.items())
         if not isinstance(value, list):
             return value
         if name.startswith("stable_"):
             return "{:.3g} to {:.3g}".format(*value)
-        return ", ".join(part if isinstance(part, str) else f"{part:.6g}" for part in value)
+        return shown(value, 6)
 
     return {name: text(name, value) for name, value in record.items() if name != "warnings"}
 

@@ -697,7 +697,7 @@ def screen() -> Sink:
         if not rows or now - shown < REDRAW:
             return
         row, rate = rows[-1], count / (now - shown)
-        force = "  ".join(f"F{axis} {text_tables.shown('', row[f'force_{axis}_N']):>8}" for axis in "xyz")
+        force = "  ".join(f"F{axis} {text_tables.shown(row[f'force_{axis}_N']):>8}" for axis in "xyz")
         moment = "  no time" if math.isnan(row["time_s"]) else f"{row['time_s']:9.2f}"
         sys.stdout.write(f"\r{moment} s  {force} N  {row['status']:<16} {rate:5.0f} Hz ")
         sys.stdout.flush()
