@@ -51,6 +51,8 @@ from studies.sweeps.sweep_columns import SweepColumns, status_columns
 if TYPE_CHECKING:
     import pandas as pd
 
+    from studies.mechanics.tasks import Executor
+
 __all__ = ["FemModel", "FiniteElements", "answer", "table"]
 Values = np.ndarray[Any, Any]
 
@@ -103,7 +105,7 @@ def answer(
     quantities: Sequence[str] = (),
     reference: str = "",
     store: stores.Store | Path | str | None = None,
-    workers: int | None = None,
+    workers: int | Executor | None = None,
     scheduler: str | None = None,
     retry_failed: bool = False,
     progress: Progress | bool | None = None,
@@ -133,8 +135,9 @@ def answer(
         Default: force, shift, contact_radius, readings (with a magnet), tilt (loads sideways).
     reference : name of the model that errors are relative to; default: the finest finite elements.
     store : file that keeps all solved states, a path, or an open store; default: the user's.
-    workers, scheduler : number of processes that solve (default: as many as pay), or address of a Dask scheduler;
-        with `retry_failed` cases whose process died are solved again.
+    workers, scheduler : number of processes that solve (default: as many as pay), an executor that several calls
+        share (of `with studies.mechanics.solve_plan.Processes().opened()`), or address of a Dask scheduler; with
+        `retry_failed` cases whose process died are solved again.
     progress : True shows a bar on standard error; or a function, called with the share that is done and a text.
 
     Returns

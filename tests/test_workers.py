@@ -146,14 +146,14 @@ def test_a_script_needs_no_guard_of_its_main_module(tmp_path):
 
 
 def test_workers_stay_for_the_next_tasks_until_they_are_ended():
-    workers = Workers(1)
+    workers, before = Workers(1), set(children(os.getpid()))
     pids = [each.answer for _ in range(3) for each in finished([""], worker_tasks.process, workers)]
     assert len(set(pids)) == 1
     # one that dies without a task is replaced, and no task is the cause
     os.kill(pids[0], signal.SIGKILL)
     assert [each.answer != pids[0] for each in finished([""], worker_tasks.process, workers)] == [True]
     workers.end()
-    assert until(lambda: gone(pids[0]), 2)
+    assert until(lambda: not set(children(os.getpid())) - before, 2)
 
 
 def test_linear_algebra_in_workers_shares_the_cores(monkeypatch):

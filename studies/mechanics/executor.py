@@ -252,7 +252,7 @@ class Worker:
 
 
 class Workers:
-    """An executor of this machine: threads that each own a worker, which stays for later tasks until the end.
+    """An executor of this machine: threads that each own a worker, which stays for later tasks until it is ended.
 
     Linear algebra in the workers shares the cores that this process may use.
 
@@ -265,6 +265,9 @@ class Workers:
 
     def __init__(self, count: int | None = None, tries: int = TRIES) -> None:
         self.size, self._chosen, self._tries = cores() if count is None else count, count is not None, tries
+        self._renew()
+
+    def _renew(self) -> None:
         self._workers = [Worker(max(cores() // self.size, 1)) for _ in range(self.size)]
         # the last one first, which is started: others are started if several tasks are done at the same time
         self._idle: queue.LifoQueue[Worker] = queue.LifoQueue()
@@ -279,22 +282,23 @@ class Workers:
     def submit(self, function: Callable[[Any], Any], task: Any) -> Future[Answer]:
         """Hand over a function and a task; the future raises `WorkerDied` or `NotStarted`, see `Worker.call`."""
         if self.size:
-            return self._threads.submit(self._call, function, task)
+            return self._threads.submit(self._call, self._idle, function, task)
         future: Future[Answer] = Future()
         future.set_result(called(function, task))
         return future
 
-    def _call(self, function: Callable[[Any], Any], task: Any) -> Answer:
-        worker = self._idle.get()
+    def _call(self, idle: queue.LifoQueue[Worker], function: Callable[[Any], Any], task: Any) -> Answer:
+        worker = idle.get()
         try:
             return worker.call(function, task, self._tries)
         finally:
-            self._idle.put(worker)
+            idle.put(worker)
 
     def end(self) -> None:
-        """End the workers, also during tasks."""
+        """End the workers, also during tasks; later tasks have new ones."""
         # end the processes before joining the threads: these wait for answers of the processes
         self._threads.shutdown(wait=False, cancel_futures=True)
         for worker in self._workers:
             worker.end()
         self._threads.shutdown()
+        self._renew()

@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 from analytic import beam
 from fem.accuracy import LEVELS
@@ -23,8 +25,11 @@ from studies.mechanics.model_choice import UNMET, Choice, along_shear, choose, u
 from studies.mechanics.path_solver import KINDS, NAN, Answer, Kind, Place, Task, solve_task
 from studies.mechanics.store import Position, Store
 from studies.mechanics.study_cases import Cases, FemModel, Plan, Problem, Recent
-from studies.mechanics.tasks import finished
+from studies.mechanics.tasks import finished, opened
 from studies.quantities import stored_values
+
+if TYPE_CHECKING:
+    from studies.mechanics.tasks import Executor
 
 AT_ONCE = 8192
 """Problems that are looked at at a time."""
@@ -38,10 +43,11 @@ IMPOSSIBLE = Answer(1.0, 1.0, None, "bad_input", "", NAN, 0.0)
 class Processes:
     """What solves: processes of this machine (None: as many as pay), or the workers of a Dask scheduler.
 
-    `retry_failed`: what failed because a process died is solved again.
+    `workers` may also be an executor that several studies share. `retry_failed`: what failed because a process
+    died is solved again.
     """
 
-    workers: int | None = None
+    workers: int | Executor | None = None
     scheduler: str | None = None
     retry_failed: bool = False
 
@@ -50,8 +56,13 @@ class Processes:
             raise BadInput(
                 "`workers` is for processes on this machine and `scheduler` for a cluster: give one of them"
             )
-        if self.workers is not None and not (isinstance(self.workers, int) and 0 <= self.workers <= MOST_WORKERS):
+        is_executor = self.workers is None or hasattr(self.workers, "submit")
+        if not is_executor and not (isinstance(self.workers, int) and 0 <= self.workers <= MOST_WORKERS):
             raise BadInput(f"`workers` must be a whole number from 0 to {MOST_WORKERS}; got {self.workers!r}")
+
+    def opened(self) -> AbstractContextManager[Executor]:
+        """Yield the executor, for several studies; its workers end with the context."""
+        return opened(self.workers, self.scheduler)
 
 
 @dataclass(frozen=True, slots=True)

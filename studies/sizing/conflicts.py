@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -28,6 +28,9 @@ from studies.sizing.advice import Proof, Trial
 from studies.sizing.candidate_variables import Candidates, Space
 from studies.sizing.front_solves import FrontPoint
 from studies.sizing.variant_search import Found, part_of, sorted_parts
+
+if TYPE_CHECKING:
+    from studies.mechanics.tasks import Executor
 
 WITHOUT_PAIRS = 0.75
 """Share of the progress at which the trials of single changes end, and those of pairs begin if none helps."""
@@ -136,7 +139,7 @@ def conflict_of(
     catalogues: Catalogues,
     found: Sequence[Found],
     proof: Proof,
-    workers: int | None,
+    workers: Executor | None,
     progress: Progress,
 ) -> Conflict:
     """Return the nearest candidate, and what would have to give.
@@ -163,7 +166,7 @@ def conflict_of(
 
 
 def excluded(
-    needed: Requirements, bounds: tuple[str, ...], proof: Proof, workers: int | None, progress: Progress
+    needed: Requirements, bounds: tuple[str, ...], proof: Proof, workers: Executor | None, progress: Progress
 ) -> Conflict:
     """Return the conflict of bounds that no variant keeps, with the choices with which there is one."""
 
@@ -183,7 +186,7 @@ def _tried(
     trials: Sequence[Trial],
     needed: Requirements,
     proof: Proof,
-    workers: int | None,
+    workers: Executor | None,
     progress: Progress,
 ) -> tuple[FrontPoint | None, list[FlatRow]]:
     """Return a candidate by finite elements, and what the trials advise: choices first, then what gives least."""

@@ -252,16 +252,18 @@ def yield_of(
     *,
     calibration: Fit | None = None,
     solves: Mapping[str, Any] = {},
+    shares: Shares | None = None,
 ) -> Yield:
     """Return the yield of a variant.
 
     calibration : of a made sensor of this variant, whose posterior takes the place of that of twelve presses.
     solves : model, store and workers of `cases.answer` for the check by finite elements; empty for no check. The
         states of its mechanics have the same store and workers.
+    shares : of the same sensors with intervals, if they are known already.
     """
     import pandas as pd
 
-    made = shares_of(variant, requirements, count, seed)
+    made = shares or shares_of(variant, requirements, count, seed)
     sensors = made.sensors
     load = required_load(variant.design, requirements)
     calibrations = check = pd.DataFrame()

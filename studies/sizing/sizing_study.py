@@ -226,32 +226,43 @@ def size(
 def _sized(requirements: Requirements, settings: Settings, progress: Progress) -> Sizing:
     catalogues = catalogues_of(requirements)
     sizing = partial(Sizing, requirements, catalogues, settings)
-    workers = settings.processes.workers
-    # a store that cannot be used is refused before the search
-    with stores.opened(settings.store or stores.default()) as store:
+    processes = settings.processes
+    with (
+        # a store that cannot be used is refused before the search
+        stores.opened(settings.store or stores.default()) as store,
+        # the same workers for all parts, because they start slowly
+        processes.opened() as workers,
+    ):
         proof = Proof(settings.effort, settings.accuracy, store.file)
+        # a trial opens the store, which is on this machine
+        local = None if processes.scheduler else workers
         if bounds := conflicts.impossible(requirements, catalogues):
-            return sizing(0, 0, [], None, conflicts.excluded(requirements, bounds, proof, workers, progress))
+            return sizing(0, 0, [], None, conflicts.excluded(requirements, bounds, proof, local, progress))
         found = searched(requirements, catalogues, settings.effort, part_of(progress, 0.0, SEARCHED))
         candidates = sum(pool.rated for pool in found)
-        options = {"store": store, **dataclasses.asdict(settings.processes)}
+        options = {"store": store, "workers": workers}
         if not any((pool.violation == 0).any() for pool in found):
             rest = part_of(progress, SEARCHED, 1.0)
-            conflict = conflicts.conflict_of(requirements, catalogues, found, proof, workers, rest)
+            conflict = conflicts.conflict_of(requirements, catalogues, found, proof, local, rest)
             return sizing(candidates, 0, [], None, conflict)
         variants, _ = whole_front(found)
         stages = _Stages(progress, min(len(variants), settings.points))
-        fem = _FrontElements(settings.accuracy, options | {"progress": stages})
+        again = {"retry_failed": processes.retry_failed, "progress": stages}
+        fem = _FrontElements(settings.accuracy, options | again)
         front = solved_front(variants, requirements, fem, most=settings.points, sensors=settings.sensors)
-    made = None
-    if front and front[0].status == "ok":
-        progress(SOLVED, f"{settings.sensors} made sensors")
-        model, workers = f"fem:{settings.accuracy.name}", settings.processes.workers
-        solves = {"model": model, "store": settings.store, "workers": workers}
-        variant, seed = front[0].variant, requirements.seed
-        own = settings.calibration_of(variant.design)
-        made = front_yield.yield_of(variant, requirements, settings.sensors, seed, calibration=own, solves=solves)
-    return sizing(candidates, len(variants), front, made, None)
+        made = None
+        if front and front[0].status == "ok":
+            progress(SOLVED, f"{settings.sensors} made sensors")
+            made = front_yield.yield_of(
+                front[0].variant,
+                requirements,
+                settings.sensors,
+                requirements.seed,
+                calibration=settings.calibration_of(front[0].variant.design),
+                solves={"model": f"fem:{settings.accuracy.name}", **options},
+                shares=front[0].made if requirements.least_yield is not None else None,
+            )
+        return sizing(candidates, len(variants), front, made, None)
 
 
 class _Stages:

@@ -32,6 +32,7 @@ from studies.cases import FiniteElements
 from studies.inputs.option_groups import Whole
 from studies.mechanics import prediction, surrogate_file, surrogate_range
 from studies.mechanics.prediction import CRITICAL, DEEP, PRESS, SHEAR, SLENDER, STRAIN, THICK, WIDE, Quantity
+from studies.mechanics.solve_plan import Processes
 from studies.mechanics.surrogate_file import GaussianProcess, Group, Surrogate, correlation
 from studies.output.figures import LOG, Figure, panels, save, styles
 from studies.output.goals import Goal
@@ -508,8 +509,9 @@ def run(
     """
     extent = FEW if quick else Extent()
     kept = None if trained is None else surrogate_file.read(trained)
-    options = {"store": store, "workers": workers, "scheduler": scheduler, "progress": progress}
-    return result(build(extent, options, kept), extent.first, "quick" if quick else "full")
+    with Processes(workers, scheduler).opened() as executor:
+        outcome = build(extent, {"store": store, "workers": executor, "progress": progress}, kept)
+    return result(outcome, extent.first, "quick" if quick else "full")
 
 
 def result(outcome: Outcome, first: int, run: str = "full") -> Result:
