@@ -31,9 +31,14 @@ CONTRAST = f"""(() => {{{RATIO}
 def folder(tmp_path_factory):
     """Results of many kinds, a solution, and texts that would run if a page did not escape them."""
     root = tmp_path_factory.mktemp("results")
-    for name in ("demo", "sweep", "trade", "verify"):
+    for name, files in (
+        ("demo", "demo/*"),
+        ("sweep", "sweep/*"),
+        ("trade", "errors/[tT]*"),
+        ("verify", "verify/[vV]*"),
+    ):
         (root / name).mkdir()
-        for file in (RESULTS / name).iterdir():
+        for file in RESULTS.glob(files):
             if file.suffix in (".csv", ".md"):
                 shutil.copy(file, root / name)
     shutil.copy(RESULTS / "cad" / "base.svg", root)

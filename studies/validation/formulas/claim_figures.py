@@ -135,7 +135,7 @@ def figure_8(states: States, best_E: float) -> list[Figure]:
     errors = {name: (depth, 100 * (predicted / force - 1)) for name, force in forces.items()}
     names, error = tuple(curves), "error of (5) (%)"
     off = _curves(DEPTH, error, errors)
-    lines = alt.Chart().mark_line(point=True, clip=True).encode(
+    lines = alt.Chart().mark_line(point=markers(off), clip=True).encode(
         x=DEPTH, y=alt.Y(error).scale(domain=(-80.0, 30.0), clamp=True), **styles(names)
     )  # fmt: skip
     return [
@@ -148,7 +148,7 @@ def _lines(title: str, data: pd.DataFrame, x: str, y: str) -> Figure:
     """Return curves with markers, each with its colour."""
     import altair as alt
 
-    chart = alt.Chart(data).mark_line(point=True).encode(x=x, y=y, **styles(data["series"]))
+    chart = alt.Chart(data).mark_line(point=markers(data)).encode(x=x, y=y, **styles(data["series"]))
     return Figure(title, "", chart, data)
 
 
@@ -165,7 +165,8 @@ def figure_9(press: Press, best_E: float) -> list[Figure]:
     # a dot in a column's name has a meaning in Vega-Lite
     x, title = "change of S1 (V)", f"change of S1 from its {rest:.2f} V at rest (V)"
     data = _curves(x, FORCE, curves)
-    chart = alt.Chart(data).mark_line(point=True).encode(x=alt.X(x, title=title), y=FORCE, **styles(data["series"]))
+    across, looks = alt.X(x, title=title), styles(data["series"])
+    chart = alt.Chart(data).mark_line(point=markers(data)).encode(x=across, y=FORCE, **looks)
     return [Figure("Press force over the change of S1", "", chart, data)]
 
 

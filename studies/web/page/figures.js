@@ -57,8 +57,11 @@ const Figures = (() => {
   // Draws a description; returns Vega's view of it, whose rows may change.
   async function embedded(spec, box, theme) {
     box.replaceChildren();
+    // a line would say what its first point is
     const tooltip = (handler, event, item, value) =>
-      value && typeof value === "object" ? Tip.show(lines(value), event.clientX, event.clientY) : Tip.hide();
+      value && typeof value === "object" && item.mark.marktype !== "line"
+        ? Tip.show(lines(value), event.clientX, event.clientY)
+        : Tip.hide();
     // a figure may lack half widths, of which Vega would warn
     const quiet = { actions: false, logLevel: 1 };
     const options = { mode: "vega-lite", renderer: "svg", ast: true, config: theme, tooltip, ...quiet };
