@@ -55,7 +55,7 @@ def test_other_answers_a_failure_and_an_unknown_estimate_are_no_agreement(soluti
     assert row["tilt_difference_percent"] == pytest.approx(100, rel=0.1)
     stopped = other.assign(status="not_converged", message="stopped")
     found = crosscheck.result(crosscheck.compared([(0, LOAD)], one, stopped, richer))
-    assert found.failures == ["1 of 1 designs disagree: design 0"]
+    assert found.failures == ["1 of 1 are missed: design 0, tilt 0 deg"]
     assert "0 of 1 designs agree" in found.pages["CROSSCHECK.md"]
     assert "- design 0: tetrahedra: stopped" in found.pages["CROSSCHECK.md"]
     unknown = other.assign(shift_error_estimate=math.nan)

@@ -37,7 +37,7 @@ def test_the_verb_fails_when_a_check_does(run, strict, monkeypatch):
     status, out, err = run("validate", "verify", "friction", "--json")
     assert status == 3
     assert strict(out) == [check]
-    assert "1 of 1 checks fail" in err
+    assert "1 of 1 are missed: force" in err
 
 
 def test_the_judge_of_extremes_measures_the_cone():

@@ -159,7 +159,7 @@ def test_a_missed_and_an_unsolved_target_fail_and_say_so(monkeypatch, tmp_path, 
     pose(monkeypatch, problems, meshes=[1])
     assert entry_point.main(["validate", "verify", "problems", "--out", str(tmp_path), "--json"]) == FAILED
     said = capsys.readouterr()
-    assert "2 of 3 targets are missed: missed (q), unsolved (q)" in said.err
+    assert "2 of 3 are missed: missed (q); unsolved (q)" in said.err
     assert said.out.count("\n") == 3
     assert "no convergence" in said.out
     report = (tmp_path / "VERIFY.md").read_text("utf-8")
@@ -188,7 +188,7 @@ def test_just_the_expected_misses_are_status_zero(monkeypatch, capsys, expected,
     monkeypatch.setattr(pages, "EXPECTED", {"verify": {"full": expected}})
     assert entry_point.main(["validate", "verify", "problems"]) == status
     err = capsys.readouterr().err
-    assert "1 of 2 targets are missed: missed (q)" in err
+    assert "1 of 2 are missed: missed (q)" in err
     assert said in err
 
 

@@ -3,6 +3,7 @@
 import math
 import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -23,6 +24,33 @@ Row = dict[str, Any]
 TEMPLATES = Path(__file__).parent / "templates"
 Misses = Mapping[str, float]
 """Values of what is missed by the names of goals or checks, NaN where nothing was measured."""
+
+
+@dataclass(frozen=True, slots=True)
+class Check:
+    """A measured value beside the one that is expected.
+
+    value : NaN where nothing could be measured, which is a miss.
+    bound : largest difference from the expected value, relative unless that is 0.
+
+    >>> Check("force", 1.02, 1.0, 0.05).passed, Check("gap", 0.02, 0.0, 0.01).passed, Check("", math.nan, 1, 1).passed
+    (True, False, False)
+    """
+
+    name: str
+    value: float
+    expected: float
+    bound: float
+
+    @property
+    def off(self) -> float:
+        return abs(self.value / self.expected - 1) if self.expected else abs(self.value)
+
+    @property
+    def passed(self) -> bool:
+        return bool(self.off <= self.bound)
+
+
 EXPECTED: Mapping[str, Mapping[str, Misses]]
 EXPECTED = tomllib.loads(Path(__file__).with_name("expected_misses.toml").read_text("utf-8"))
 """Misses that are known, by study and run, quick or full."""
@@ -46,11 +74,6 @@ def percentile(values: pd.Series, percent: float) -> float:
 
 def rendered(template: str, **values: Any) -> str:
     return page_templates.rendered(TEMPLATES / template, **values)
-
-
-def failed(names: Sequence[str], count: int, what: str, between: str = "; ") -> list[str]:
-    """Return the sentence that names what failed of `count` rows, for `Result.failures`; nothing if none failed."""
-    return [f"{len(names)} of {count} {what}: {between.join(names)}"] if names else []
 
 
 def against_expected(study: str, run: str, misses: Misses, said: Sequence[str]) -> Row:
@@ -108,20 +131,27 @@ def study(
     printed: Sequence[Row] | None = None,
     look: Mapping[str, Any] = {},
     goals: Sequence[Goal] | None = None,
+    misses: Mapping[str, float] | None = None,
     run: str = "full",
     **more: Any,
 ) -> Result:
     """Return the result of a study: rows in NAME.csv, and NAME.md from its template and the values of `page`.
 
     The terminal shows the table `printed` (default: the rows) with the fields `look`. Goals are values of the page
-    (`verdict`, `goals` and those that are `missed`), and failures where they are missed and that is not expected of
-    the `run`, quick or full. `more` are fields of `Result`.
+    (`verdict`, `goals` and those that are `missed`). Missed goals, or the `misses` of a study of checks of which each
+    row is one, are failures, unless they are just those that are expected of the `run`, quick or full. `more` are
+    fields of `Result`.
     """
+    said: Sequence[str] = []
+    if misses is not None and misses:
+        said = [f"{len(misses)} of {len(rows)} are missed: {'; '.join(misses)}"]
     if goals is not None:
         lost = missed(goals)
         page = {"verdict": verdict(goals), "goals": goals, "missed": lost} | dict(page)
         misses = {goal.name: math.nan if goal.value is None else goal.value for goal in lost}
-        found = against_expected(name, run, misses, failures(goals))
+        said = failures(goals)
+    if misses is not None:
+        found = against_expected(name, run, misses, said)
         more = found | more | {"remarks": [*found.get("remarks", ()), *more.get("remarks", ())]}
     shown = [Table(title=title, rows=rows if printed is None else printed, **look)]
     text = {f"{name.upper()}.md": rendered(f"{name}.md.j2", **page)}

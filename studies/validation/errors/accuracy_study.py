@@ -116,8 +116,9 @@ def run(progress: Progress, *, quick: bool = False, store: Path | None = None) -
     for k, one in enumerate(tangents):
         progress(0.5 * k / len(tangents), f"{one.trial.name}, {one.level.name}")
         rows += [row for load in one.trial.loads for row in tangent_rows(one, load)]
-    compared = compare(paths, *solved(paths, store, part(progress, 0.5, 1.0)))
-    return result(pd.concat([compared, pd.DataFrame(rows)], ignore_index=True), quick=quick)
+    # a quick run has no paths
+    compared = [compare(paths, *solved(paths, store, part(progress, 0.5, 1.0)))] if paths else []
+    return result(pd.concat([*compared, pd.DataFrame(rows)], ignore_index=True), quick=quick)
 
 
 # States of a path of loads
@@ -126,28 +127,34 @@ def run(progress: Progress, *, quick: bool = False, store: Path | None = None) -
 def solved(
     paths: Sequence[tuple[Task, Load]], store: Path | None = None, progress: Progress | None = None
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    pairs = []
-    for one, _ in paths:
-        # the section model resolves the same state on a far finer mesh than tetrahedra can
-        model: Model = "auto" if one.trial.scene in ("press", "deep") else "harmonic"
-        own = FemModel(one.level.name, one.level, "half" if one.trial.model == "half" else model)
-        pairs.append((own, FemModel("reference", one.reference, model)))
-    begins = np.array([one.trial.loads[-1].shears_tip and not load.shears_tip for one, load in paths])
-    found = []
-    for k, models in enumerate(zip(*pairs, strict=True)):
-        rows, told = np.flatnonzero(~begins).tolist(), part(progress, k / 2, (k + 1) / 2)
-        asked = [(one.trial.design, load, one.trial.magnet) for one, load in (paths[row] for row in rows)]
-        of_rows = [models[row] for row in rows]
-        answers = answers_of(asked, of_rows, ["force", "shift", "tilt"], told, store=store).set_axis(rows)
-        # a press that may be unstable is the exact answer of a tip that is held on the axis
-        held = answers["status"].isin(("unstable", "unknown")) & np.array(
-            [model.model == "auto" for model in of_rows]
-        )
-        answers.loc[held, ["status", "message"]] = "ok", ""
-        answers = answers.rename(columns={"force_N": "force_z_N", "error_estimate": "force_error_estimate"})
-        firsts = {row: _begin(paths[row][0].trial, models[row]) for row in np.flatnonzero(begins).tolist()}
-        found.append(pd.concat([answers, pd.DataFrame.from_dict(firsts, orient="index")]).sort_index())
-    return found[0], found[1]
+    """Return the answers to the states of paths, by their level and by their reference."""
+    # the section model resolves the same state on a far finer mesh than tetrahedra can
+    sections: list[Model] = ["auto" if one.trial.scene in ("press", "deep") else "harmonic" for one, _ in paths]
+    of_level = [
+        FemModel(one.level.name, one.level, "half" if one.trial.model == "half" else model)
+        for (one, _), model in zip(paths, sections, strict=True)
+    ]
+    of_reference = [
+        FemModel("reference", one.reference, model) for (one, _), model in zip(paths, sections, strict=True)
+    ]
+    halves = part(progress, 0.0, 0.5), part(progress, 0.5, 1.0)
+    return _answers(paths, of_level, store, halves[0]), _answers(paths, of_reference, store, halves[1])
+
+
+def _answers(
+    paths: Sequence[tuple[Task, Load]], models: Sequence[FemModel], store: Path | None, progress: Progress | None
+) -> pd.DataFrame:
+    begins = np.array([one.trial.loads[-1].shears_tip and not load.shears_tip for one, load in paths], dtype=bool)
+    rows = np.flatnonzero(~begins).tolist()
+    asked = [(one.trial.design, load, one.trial.magnet) for one, load in (paths[row] for row in rows)]
+    of_rows = [models[row] for row in rows]
+    answers = answers_of(asked, of_rows, ["force", "shift", "tilt"], progress, store=store).set_axis(rows)
+    # a press that may be unstable is the exact answer of a tip that is held on the axis
+    held = answers["status"].isin(("unstable", "unknown")) & np.array([model.model == "auto" for model in of_rows])
+    answers.loc[held, ["status", "message"]] = "ok", ""
+    answers = answers.rename(columns={"force_N": "force_z_N", "error_estimate": "force_error_estimate"})
+    firsts = {row: _begin(paths[row][0].trial, models[row]) for row in np.flatnonzero(begins).tolist()}
+    return pd.concat([answers, pd.DataFrame.from_dict(firsts, orient="index")]).sort_index()
 
 
 @cache
@@ -438,6 +445,7 @@ def result(states: pd.DataFrame, *, quick: bool) -> Result:
     tables = {"Estimates": estimates, "Levels": levels}
     first = ("scene", "quantity", "states", "median_percent", "coverage")
     more: Row = {"records": [*estimates, *levels], "goals": goals(states), "digits": 9}
+    more["run"] = "quick" if quick else "full"
     more["tables"] = {"accuracy": rows, "error_rules": rules(states)}
     more["shown"] = [Table(title=title, rows=table, first=first) for title, table in tables.items()]
     files = {"errors.png": partial(picture, rows=rows, draw=verdict_figures.accuracy)}

@@ -2,7 +2,8 @@
 
 The finite elements have no error that matters here (below 1 %), but they are a model: neo-Hookean silicone, elastic
 but for the claim on hysteresis, a rigid bonded magnet, and a plate whose friction the paper does not give.
-templates/claims.toml is the table of the claims: when one holds, on which figures that rests, and its words.
+Each claim has a function that says on which figures its verdict rests and when it holds; templates/claims.toml has
+their words, the values of the paper and the loads.
 """
 
 import dataclasses
@@ -85,7 +86,7 @@ def run(progress: Progress, store: Path | None = None, *, quick: bool = False) -
         frequency(vibrations),
         band(vibrations, response_figures(accuracy)),
         hysteresis(**loop_figures(extent["step_error"])),
-        answer("hall_factor", **factor),
+        hall_factor(factor),
         offset(factor),
         cost(cost_rows(LEVELS[extent["reference"]], told[2])),
     ]
@@ -106,24 +107,31 @@ def run(progress: Progress, store: Path | None = None, *, quick: bool = False) -
     return pages.study("claims", "The paper's claims", printed, page, look={"first": ("claim", "verdict")}, **more)
 
 
-def answer(claim: str, more: Mapping[str, float] = {}, **values: Any) -> Row:
-    """Return the answer to a claim of WORDS, whose templates and conditions get VALUES, these values and `more`.
+def verdict_of(rests_on: Sequence[Any], holds: bool, may_hold: bool = False) -> str:
+    """Return whether a claim holds, from the figures on which that rests.
 
-    It is not decidable if a figure on which it rests is unknown, if there is none, or if the claim holds for some of
-    the values only that the paper leaves open. Its figures are those that WORDS names, and `more`.
+    It is not decidable if one of them is unknown, if there is none, or if the claim holds only for some of the values
+    that the paper leaves open (`may_hold`).
+
+    >>> verdict_of([1.0], True), verdict_of([1.0], False, may_hold=True), verdict_of([math.nan], True)
+    ('reproduced', 'not decidable', 'not decidable')
+    """
+    figures = np.hstack([np.ravel(np.asarray(each, dtype=float)) for each in rests_on])
+    if not figures.size or np.isnan(figures).any() or (may_hold and not holds):
+        return "not decidable"
+    return "reproduced" if holds else "refuted"
+
+
+def answer(claim: str, verdict: str, more: Mapping[str, float] = {}, **values: Any) -> Row:
+    """Return the answer to a claim of WORDS, whose templates get VALUES, these values and `more`.
+
+    Its figures are those that WORDS names, and `more`.
     """
     words, given = WORDS[claim], VALUES | values | more
 
     def said(text: str) -> str:
         return " ".join(page_templates.filled(text, time=_time, **given).split())
 
-    def true(condition: str) -> bool:
-        return said(f"{{{{ 1 if {condition} else 0 }}}}") == "1"
-
-    judged = np.hstack([np.ravel(np.asarray(given[name], dtype=float)) for name in words["rests_on"]])
-    verdict = "not decidable"
-    if judged.size and not np.isnan(judged).any() and (true(words["holds"]) or not true(words.get("may_hold", "0"))):
-        verdict = "reproduced" if true(words["holds"]) else "refuted"
     figures = known({name: given[name] for name in words.get("figures", ())} | dict(more))
     return {
         "claim": words["claim"],
@@ -155,13 +163,15 @@ def at_each_depth(heights: pd.DataFrame) -> Row:
     reached = heights.dropna(subset="worst_error_percent")
     errors, begins = reached.worst_error_percent.abs(), reached.each_depth_from_mm.dropna()
     at = reached.worst_at_mm.iloc[0] if len(reached) else math.nan
+    # another modulus of the silicone may bring the error of every depth from there on within the bound
+    other_modulus = bool((begins <= at).any())
     return answer(
         "each_depth",
+        verdict_of([errors.max()], errors.max() < PERCENT, other_modulus),
         least_worst_error_percent=errors.min(),
         largest_worst_error_percent=errors.max(),
         each_depth_from_mm=(begins if len(begins) else reached.reached_mm).min(),
         at=at,
-        other_modulus=(begins <= at).any(),
     )
 
 
@@ -176,6 +186,7 @@ def of_largest(heights: pd.DataFrame, states: States) -> Row:
     reached = heights.magnet_height_mm[at_one.index]
     return answer(
         "of_largest",
+        verdict_of([at_one.max()], at_one.max() < PERCENT, bool(ends)),
         {
             f"{name}_at_{row['magnet_height_mm']:g}_mm": row[name]
             for name in ("E_from_MPa", "E_to_MPa")
@@ -196,12 +207,14 @@ def of_largest(heights: pd.DataFrame, states: States) -> Row:
 def voltage(heights: pd.DataFrame, own_height: float) -> Row:
     own = heights[heights.magnet_height_mm == own_height].iloc[0]
     with_force = heights[heights.E_from_MPa.notna() & (heights.magnet_height_mm > 0)]
+    error, least = own.S1_error_percent, heights.least_S1_error_any_gain_percent.min()
     return answer(
         "voltage",
+        verdict_of([error, least], error < PERCENT, least < PERCENT),
         own=own,
-        S1_error_percent=own.S1_error_percent,
+        S1_error_percent=error,
         least_S1_error_percent=heights.least_S1_error_percent.min(),
-        least_S1_error_any_gain_percent=heights.least_S1_error_any_gain_percent.min(),
+        least_S1_error_any_gain_percent=least,
         with_force=len(with_force),
         both=with_force.best_E_S1_error_any_gain_percent.min(),
     )
@@ -223,8 +236,9 @@ def largest_forces(states: States) -> Row:
     as_claimed = [all(abs(E * each - force) <= VALUES["rounded_N"] for E, force in CLAIMED) for each in reaches]
     figures["largest_force_N_at_1_MPa"] = _largest_force_within(bare)
     never = np.abs(states.preset.relative_errors).min() > PERCENT
-    given: Row = {"reaches": reaches, "as_claimed": as_claimed, "forces": forces, "runs": _spans_within(bare)}
-    return answer("largest_forces", figures, **given, never_with_magnet=never)
+    verdict = verdict_of([reaches], all(as_claimed), any(as_claimed))
+    given: Row = {"forces": forces, "runs": _spans_within(bare), "never_with_magnet": never}
+    return answer("largest_forces", verdict, figures, **given)
 
 
 def _spans_within(press: Press) -> list[tuple[float, float]]:
@@ -248,7 +262,7 @@ def shear_force(tips: pd.DataFrame, best_E: float) -> Row:
     worst = stuck.worst_error_percent.abs()
     return answer(
         "shear_force",
-        worst=worst,
+        verdict_of([worst], worst.min() > VALUES["large"]),
         least_worst_error_percent=worst.min(),
         largest_worst_error_percent=worst.max(),
         tips=pages.records(tips),
@@ -264,7 +278,7 @@ def tilt_as_cause(splits: Sequence[pd.DataFrame]) -> Row:
     least, largest = (pick(shares) if shares else math.nan for pick in (np.nanmin, np.nanmax))
     last = [pages.records(rows)[-1] for rows in splits if len(rows)]
     ends = {"least_tilt_share_percent": least, "largest_tilt_share_percent": largest}
-    return answer("tilt", ends, shares=shares, known=last)
+    return answer("tilt", verdict_of([shares], least > 50), ends, known=last)
 
 
 def uniqueness(layouts: pd.DataFrame) -> Row:
@@ -273,7 +287,8 @@ def uniqueness(layouts: pd.DataFrame) -> Row:
     own = (layouts[place] == layouts[place].iloc[0]).all(axis=1)
     failing = pages.records(layouts[shares > 0])
     counts = {"unique_cases": len(layouts) - len(failing), "cases": len(layouts)}
-    return answer("uniqueness", counts, shares=shares, failing=failing, holds_here=not shares[own].any())
+    verdict = verdict_of([shares], not failing, len(failing) < len(layouts))
+    return answer("uniqueness", verdict, counts, failing=failing, holds_here=not shares[own].any())
 
 
 def layout_rows(layouts: Sequence[tuple[float, float]], progress: Progress) -> list[Row]:
@@ -313,7 +328,9 @@ def frequency(rows: Sequence[Row]) -> Row:
     figures = {f"{shape}_Hz": free[f"{shape}_Hz"] for shape in ("bending", "axial")}
     figures |= {f"{shape}_without_magnet_Hz": bare[f"{shape}_Hz"] for shape in ("bending", "axial")}
     figures |= dict(zip(("spring_mass_Hz", "spring_mass_with_magnet_Hz"), spring_mass(paper()), strict=True))
-    return answer("frequency", figures, free=free, bare=bare, pressed=pressed)
+    near = abs(free["bending_Hz"] / VALUES["claimed"] - 1) <= VALUES["near"]
+    verdict = verdict_of([free["bending_Hz"]], near)
+    return answer("frequency", verdict, figures, free=free, bare=bare, pressed=pressed)
 
 
 def response_figures(accuracy: Accuracy) -> Row:
@@ -341,7 +358,10 @@ def band(rows: Sequence[Row], vibration: Row) -> Row:
     # an undamped oscillator amplifies a slow load by 5 % at this frequency
     slow = free * (1 - 1 / 1.05) ** 0.5
     places = {"bending_Hz": free, "pressed_bending_Hz": by_depth[deepest], "accurate_to_Hz": slow}
-    return answer("band", **places, pressed_depth=deepest, **vibration)
+    ends = slow, vibration["accurate_with_loss_to_Hz"]
+    read = [vibration[f"relative_reading_{axis}_at_600"] for axis in "zx"]
+    holds, may_hold = min(ends) >= VALUES["band"], min(read) >= VALUES["half_power"]
+    return answer("band", verdict_of([*ends, *read], holds, may_hold), **places, pressed_depth=deepest, **vibration)
 
 
 def loop_figures(step_error: float) -> Row:
@@ -363,7 +383,9 @@ def loop_figures(step_error: float) -> Row:
 def hysteresis(loss_factor: float, gap_percent: float, spring_percent: float, sine_percent: float) -> Row:
     allowed, sine = (VALUES["full_scale"] * loss_factor / percent for percent in (gap_percent, sine_percent))
     gaps: Row = {"loss_factor": loss_factor, "gap_percent": gap_percent, "spring_percent": spring_percent}
-    return answer("hysteresis", **gaps, allowed_loss_factor=allowed, allowed_loss_factor_sine=sine)
+    least, most = VALUES["losses"]
+    verdict = verdict_of([allowed, sine], min(allowed, sine) >= most, max(allowed, sine) >= least)
+    return answer("hysteresis", verdict, **gaps, allowed_loss_factor=allowed, allowed_loss_factor_sine=sine)
 
 
 # Magnet and cost
@@ -392,11 +414,18 @@ def factor_figures() -> Row:
     }
 
 
+def hall_factor(figures: Row) -> Row:
+    low, high = VALUES["neodymium"]
+    polarisation = figures["polarisation_T"]
+    return answer("hall_factor", verdict_of([polarisation], low <= polarisation <= high), **figures)
+
+
 def offset(figures: Row) -> Row:
     pairs = figures["pairs"]
     lengths = {f"l0_mm_at_{height:g}_mm": l0 for height, l0 in pairs} | {"rest_mT": figures["rest_mT"]}
     below = sum(l0 > paper().H for _, l0 in pairs)
-    return answer("offset", lengths, pairs=pairs, distances=[l0 for _, l0 in pairs], below=below)
+    verdict = verdict_of([[l0 for _, l0 in pairs]], below > 0)
+    return answer("offset", verdict, lengths, pairs=pairs, below=below)
 
 
 def cost_rows(reference: Accuracy, progress: Progress) -> list[Row]:
@@ -436,4 +465,5 @@ def cost(rows: Sequence[Row]) -> Row:
     figures = {f"{row['model'].replace(', level ', '_').replace(' ', '_')}_s": row["seconds"] for row in rows}
     finite = next(row for row in rows if row["model"].endswith("level finite"))
     ratio = fastest["seconds"] / rows[0]["seconds"]
-    return answer("cost", figures, rows=rows, formulas=rows[0], fastest=fastest, finite=finite, ratio=ratio)
+    given: Row = {"rows": rows, "formulas": rows[0], "fastest": fastest, "finite": finite, "ratio": ratio}
+    return answer("cost", verdict_of([ratio], ratio > 1), figures, **given)

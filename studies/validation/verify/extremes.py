@@ -160,16 +160,16 @@ def run(progress: Progress, *, quick: bool = False) -> Result:
         Use accuracy quick and skip the slow cases: one minute.
     """
     chosen = pages.told(progress, cases(quick=quick), lambda case: case.name)
-    return collected(map(examine, chosen), result)
+    return collected(map(examine, chosen), functools.partial(result, run="quick" if quick else "full"))
 
 
-def result(rows: Sequence[Row]) -> Result:
+def result(rows: Sequence[Row], run: str = "full") -> Result:
+    """Return the result of cases; one that could not be measured is a miss without a value."""
     failed, lost = ([row["scene"] for row in rows if row["verdict"] == name] for name in ("fail", "not judged"))
     page = {"rows": rows, "failed": len(failed), "lost": len(lost)}
-    failures = pages.failed(lost, len(rows), "cases yield no measurement")
-    failures += pages.failed(failed, len(rows), "cases fail")
+    misses = {row["scene"]: row["measured"] for row in rows if not row["passed"]}
     lines = [line(row) for row in rows]
-    return pages.study("extremes", "Extremes", rows, page, shown=lines, digits=9, failures=failures)
+    return pages.study("extremes", "Extremes", rows, page, misses=misses, run=run, shown=lines, digits=9)
 
 
 def examine(case: Case) -> Row:

@@ -19,7 +19,7 @@ from geometry.messages import Progress
 from studies.output.figures import Figure, markers, rule, save, styles
 from studies.output.result import Result
 from studies.validation import pages
-from studies.validation.pages import Row
+from studies.validation.pages import Check, Row
 
 NAN = math.nan
 FILES = ("FRICTION.md", "friction.csv", "friction.png")
@@ -68,25 +68,24 @@ def run(progress: Progress, *, quick: bool = False) -> Result:
             checks += part()
         except SolveFailed as stop:
             checks.append(_check(name, f"no measurement: {stop}", NAN, NAN, NAN))
-    return result(checks, curves, loop)
+    return result(checks, curves, loop, "quick" if quick else "full")
 
 
-def result(checks: Sequence[Row], curves: Sequence[Sequence[Solution]], loop: Sequence[Solution]) -> Result:
-    missed = [check["quantity"] for check in checks if not check["passed"]]
+def result(
+    checks: Sequence[Row], curves: Sequence[Sequence[Solution]], loop: Sequence[Solution], run: str = "full"
+) -> Result:
+    misses = {check["quantity"]: check["off"] for check in checks if not check["passed"]}
     files = {"friction.png": lambda path: save(path, draw_friction(curves, loop))}
-    failures = pages.failed(missed, len(checks), "checks fail")
     page, look = {"rows": checks}, {"first": ("quantity", "value", "expected", "passed")}
-    return pages.study("friction", "Friction", checks, page, look=look, digits=9, files=files, failures=failures)
+    return pages.study(
+        "friction", "Friction", checks, page, None, look, misses=misses, run=run, digits=9, files=files
+    )
 
 
-def _check(check: str, quantity: str, value: float, expected: float, bound: float) -> Row:
-    """Return a number of the study and its value by theory.
-
-    `off` is the relative difference, absolute if 0 is expected; it passes up to `bound`.
-    """
-    off = abs(value / expected - 1) if expected else abs(value)
-    row: Row = {"check": check, "quantity": quantity, "value": value, "expected": expected}
-    return row | {"off": off, "bound": bound, "passed": bool(off <= bound)}
+def _check(part: str, quantity: str, value: float, expected: float, bound: float) -> Row:
+    check = Check(quantity, value, expected, bound)
+    row: Row = {"check": part, "quantity": quantity, "value": value, "expected": expected}
+    return row | {"off": check.off, "bound": bound, "passed": check.passed}
 
 
 def _follow(

@@ -59,12 +59,10 @@ def run(progress: Progress, *, quick: bool = False) -> Result:
         rows += evaluate(target, i / len(chosen), progress)
     printed = [row | {name: cell(row[name], 6) for name in PRECISE} for row in rows]
     shown = [row | {"": "pass" if row["passed"] else f"fail {row['message']}".strip()} for row in printed]
-    missed = {f"{row['target']} ({row['quantity']})": row["error_percent"] for row in rows if not row["passed"]}
+    misses = {f"{row['target']} ({row['quantity']})": row["error_percent"] for row in rows if not row["passed"]}
     look = {"brief": DETAILS, "first": ("target", "quantity", "computed", "published", "passed")}
-    said = pages.failed(list(missed), len(rows), "targets are missed", ", ")
-    found = pages.against_expected("verify", "quick" if quick else "full", missed, said)
-    page = {"rows": rows, "shown": shown}
-    return pages.study("verify", "Verification", rows, page, printed, look, digits=12, **found)
+    page, run = {"rows": rows, "shown": shown}, "quick" if quick else "full"
+    return pages.study("verify", "Verification", rows, page, printed, look, misses=misses, run=run, digits=12)
 
 
 def evaluate(target: Row, done: float = 0.0, progress: Progress = lambda share, text: None) -> list[Row]:
