@@ -18,8 +18,9 @@ from studies.output import goals, provenance
 from studies.output.result import FAILED
 from studies.validation import error_study_cases
 from studies.validation.error_study_cases import TANGENT_SCENES
-from studies.validation.errors import accuracy_study
-from studies.validation.errors.accuracy_study import COUNT, QUANTITIES, Task, status, tangent_rows
+from studies.validation.errors import accuracy_study, error_table
+from studies.validation.errors.accuracy_study import COUNT, Task, status, tangent_rows
+from studies.validation.errors.error_table import QUANTITIES
 
 
 def task(scene, number=0, fineness=1):
@@ -84,7 +85,7 @@ def test_a_state_that_was_not_reached_is_listed_and_left_out(solved):
     stopped.loc[[1, 2], ["status", "message"]] = "not_converged", "stopped at depth 0.3 mm"
     states = accuracy_study.compare(paths[:3], level[:3], stopped[:3])
     assert list(states["status"]) == ["ok", "not_converged", "not_converged"]
-    assert {errors["states"] for errors in accuracy_study.summary(states)} == {1}
+    assert {errors["states"] for errors in error_table.summary(states)} == {1}
     assert states["message"][1] == "reference: stopped at depth 0.3 mm"
 
 
@@ -99,7 +100,7 @@ def test_the_full_study_covers_all_levels_scenes_and_models_and_holds_the_refere
         assert one.reference.section_size < one.level.section_size
         assert one.reference.section_patch <= one.level.section_patch
     states = pd.DataFrame([state(0.0, 0.0, level="reference")])
-    assert accuracy_study.summary(states) == []
+    assert error_table.summary(states) == []
     assert accuracy_study.references(states)[0]["force_percent"] == 0
 
 
@@ -120,7 +121,7 @@ def test_the_verb_writes_its_files_and_fails_on_a_broken_promise(monkeypatch, tm
 
 
 def rules(*states):
-    return accuracy_study.rules(pd.DataFrame(states))
+    return error_table.rules(pd.DataFrame(states))
 
 
 def test_rules_that_cover_too_few_states_are_widened_and_carry_todays_versions(monkeypatch):
@@ -151,7 +152,7 @@ def test_a_state_that_is_unstable_by_one_solve_only_disagrees(other, expected):
 
 def missed(states):
     """Names of the missed goals."""
-    return [str(goal) for goal in goals.missed(accuracy_study.goals(pd.DataFrame(states)))]
+    return [str(goal) for goal in goals.missed(error_table.goals(pd.DataFrame(states)))]
 
 
 def test_shares_and_goals():
@@ -205,7 +206,7 @@ def test_the_study_judges_what_a_user_gets_of_critical_states_small_shears_and_f
     eight = modes.modes(paper(), count=COUNT, depth=one.trial.loads[1].depth, accuracy=QUICK)
     assert [row["frequency"] for row in pressed] == list(eight.frequency)
     assert [row["frequency_estimate"] for row in pressed] == list(eight.estimates)
-    assert {errors["scene"] for errors in accuracy_study.summary(pd.DataFrame(free))} == {"modes"}
+    assert {errors["scene"] for errors in error_table.summary(pd.DataFrame(free))} == {"modes"}
 
 
 def test_a_beam_that_does_not_give_way_is_listed():
@@ -214,4 +215,4 @@ def test_a_beam_that_does_not_give_way_is_listed():
     one = one._replace(reference=replace(one.level, name="reference"))
     (row,) = tangent_rows(one, one.trial.loads[0])
     assert row["status"] == "stable"
-    assert accuracy_study.summary(pd.DataFrame([row])) == []
+    assert error_table.summary(pd.DataFrame([row])) == []

@@ -48,7 +48,7 @@ def __getattr__(name: str) -> Callable[..., int]:
         here = call.here([file for module in chosen.values() for file in module.FILES], inputs)
         known = {**call.arguments, COMMAND: here.command}
         studies = {
-            key: partial(module.run, **{one.name: known[one.name] for one in _arguments(module)})
+            key: partial(module.run, **{one.name: known[one.name] for one in arguments(module)})
             for key, module in chosen.items()
         }
         return publish(partial(import_module("studies.validation.pages").report, studies=studies), here)
@@ -64,7 +64,7 @@ def parts_of(package: ModuleType) -> dict[str, ModuleType]:
     return {name: module for module, name in names.items() if hasattr(module, "FILES")}
 
 
-def _arguments(part: ModuleType) -> Sequence[inspect.Parameter]:
+def arguments(part: ModuleType) -> Sequence[inspect.Parameter]:
     """Return the arguments of a part behind its progress."""
     return list(inspect.signature(part.run, eval_str=True).parameters.values())[1:]
 
@@ -75,7 +75,7 @@ def _options(parts: dict[str, ModuleType]) -> dict[str, inspect.Parameter]:
     helps: dict[str, dict[str, list[str]]] = {}
     for part, module in parts.items():
         texts = dict(re.findall(r"^(\w+)\n((?:    .+\n?)+)", inspect.getdoc(module.run) or "", re.MULTILINE))
-        for one in _arguments(module):
+        for one in arguments(module):
             if one.name != COMMAND:
                 found.setdefault(one.name, one)
                 text = " ".join(texts.get(one.name, "").split())
@@ -88,9 +88,9 @@ def _options(parts: dict[str, ModuleType]) -> dict[str, inspect.Parameter]:
 
 def _check_options(call: Call, chosen: dict[str, ModuleType], parts: dict[str, ModuleType]) -> None:
     """Refuse options that no chosen part has."""
-    taken = {one.name for module in chosen.values() for one in _arguments(module)}
+    taken = {one.name for module in chosen.values() for one in arguments(module)}
     for part, module in parts.items():
-        for one in _arguments(module):
+        for one in arguments(module):
             if one.name not in {*taken, COMMAND} and call.arguments[one.name] != one.default:
                 option = f"--{one.name.replace('_', '-')}"
                 raise BadInput(f"{option} is an option of {part}: leave it out, or choose this part")

@@ -16,61 +16,32 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from scipy.stats import binomtest
 
 from fem import equilibrium
 from fem.accuracy import LEVELS, Accuracy
 from fem.analyses import modes, small_shear, stability
 from fem.physics_version import PHYSICS
-from fem.results.error_estimates import ANY, NUMBERS, scene_of_rules, table_rows
 from fem.scene import Model, Scene
 from geometry.bad_input import SolveFailed
 from geometry.loads import Load
 from geometry.messages import Progress
 from studies.cases import FemModel
-from studies.mechanics.model_choice import rounded_up
-from studies.output import provenance
 from studies.output.figures import picture
-from studies.output.goals import Goal
 from studies.output.result import Result, Table
 from studies.simulation.compare import part
 from studies.validation import error_study_cases, pages
 from studies.validation.error_study_cases import TANGENT_SCENES, Trial, answers_of
+from studies.validation.errors.error_table import RESPONSES, UNSTABLE, goals, relative_errors, rules, shares, summary
 from studies.validation.pages import Row
 from studies.web import verdict_figures
 
 FILES = ("ACCURACY.md", "accuracy.csv", "errors.png", "error_rules.csv")
-RESPONSES = {
-    "force": ("force_x_N", "force_z_N"),
-    "shift": ("shift_x_mm", "shift_z_mm"),
-    "tilt": ("tilt_rad",),
-    "sideways": ("force_x_N",),
-}
-"""Columns of the quantities of a response; loads are along x."""
-QUANTITIES = (*RESPONSES, *NUMBERS, "depth", "stiffness", "frequency")
-"""Quantities of a state, and of tangents."""
-GOALS = {"quick": 0.03, "standard": 0.01, "fine": 0.003}
-WIDER = {
-    "critical": {"quick": 0.05, "standard": 0.04, "fine": 0.01},
-    "small shear": {"quick": 0.03, "standard": 0.02, "fine": 0.01},
-}
-"""Largest true errors of the levels, and wider ones of two scenes; the page gives the reasons."""
-COVERAGE, SHARPNESS, SHARP, CLEAR = 0.95, 0.5, 3.0, 3e-4
-"""Goals of coverage and sharpness; an estimate is sharp up to SHARP true errors, or up to CLEAR in any case."""
-TESTED = ("odd", "unseen")
-"""Parts of the states that are shown apart: random ones on which no constant rests, and odd ones of the designs."""
-LEAST_STATES, COMPARED = 8, 50.0
-"""Coverage and sharpness of fewer states are not compared with their goals; least share of compared states, %."""
 PLAN: Row = tomllib.loads(Path(__file__).with_name("accuracy_plan.toml").read_text("utf-8"))
 FINE_SHEARS = range(4)
 """Designs that are sheared, and whose tangents are solved, at level fine."""
-NOTHING = 1e-6
-"""Shift in mm, tilt in rad or force along the shear in N below which a relative error has no meaning."""
 SIZES = ("D", "L", "nu", "magnet_diameter", "magnet_height", "magnet_edge_radius")
 COUNT = 8
 """Number of natural frequencies of each trial."""
-UNSTABLE = ("unstable", "stable")
-"""Statuses of a path beyond its instability, and of a search that found none: no error can be measured."""
 
 
 class Task(NamedTuple):
@@ -183,14 +154,14 @@ def compare(paths: Sequence[tuple[Task, Load]], level: pd.DataFrame, reference: 
     values, true = (
         answers[columns].reset_index(drop=True).where(table.status == "ok") for answers in (level, reference)
     )
-    errors = {}
-    for name, names in RESPONSES.items():
-        a, b = (answers[list(names)].to_numpy() for answers in (values, true))
-        size = np.linalg.norm(b, axis=1)
-        asked = (name == "force") | ((size > NOTHING) & ((name != "sideways") | (table.shear_mm > 0).to_numpy()))
-        errors[f"{name}_error"] = np.where(asked, np.linalg.norm(a - b, axis=1) / np.where(asked, size, 1.0), np.nan)
-        errors[f"{name}_estimate"] = level[f"{name}_error_estimate"].where(asked).to_numpy()
-    return pd.concat([table, values, true.add_prefix("reference_"), pd.DataFrame(errors)], axis=1)
+    errors = relative_errors(values, true, RESPONSES)
+    # without a shear there is no force along it
+    errors["sideways"] = errors["sideways"].where(table.shear_mm > 0)
+    judged: Row = {}
+    for name, error in errors.items():
+        estimate = level[f"{name}_error_estimate"].reset_index(drop=True)
+        judged |= {f"{name}_error": error, f"{name}_estimate": estimate.where(error.notna())}
+    return pd.concat([table, values, true.add_prefix("reference_"), pd.DataFrame(judged)], axis=1)
 
 
 def place(one: Task, load: Load) -> Row:
@@ -281,150 +252,15 @@ def judged(quantity: str, value: float, reference: float, estimate: float | None
     }
 
 
-# Statistics
-
-
-def errors_of(states: pd.DataFrame) -> pd.DataFrame:
-    """Return a row for each known true error of a quantity in the states that ended well at a level.
-
-    An estimate is NaN if it is unknown.
-    """
-    own = states[(states.status == "ok") & states.level.isin(list(GOALS))]
-    part_of = own.part if "part" in own else np.where(own.odd.astype(bool), "odd", "even")
-    place = own[["level", "scene", "magnet", "depth_mm"]].assign(part=part_of)
-    place = place.assign(model=np.where(own.model == "half", "half", "section"))
-    parts = [
-        place.assign(quantity=name, error=own[f"{name}_error"], estimate=own[f"{name}_estimate"])
-        for name in QUANTITIES
-        if f"{name}_error" in own
-    ]
-    # the quantities of a state stand together
-    frame = pd.concat(parts).sort_index(kind="stable") if parts else place.assign(quantity="", error=[], estimate=[])
-    quantity = pd.Categorical(frame.quantity, QUANTITIES, ordered=True)
-    # a number of a scene without a rule is said to be unknown, and promises nothing
-    open_ended = frame.quantity.isin(NUMBERS) & frame.estimate.isna()
-    return frame.assign(quantity=quantity)[np.isfinite(frame.error) & ~open_ended]
-
-
-def statistics(errors: pd.DataFrame, *by: str) -> list[Row]:
-    """Return statistics of true errors and estimates in groups, in the order of their first rows.
-
-    `coverage` is the share of the states whose true error is at most the estimate, `sharpness` the share of those
-    whose estimate is at most SHARP times the true error, or at most CLEAR.
-    """
-    percent, sharp = 100 * errors.error, errors.estimate <= np.maximum(SHARP * errors.error, CLEAR)
-    rows = errors.assign(percent=percent, covered=errors.error <= errors.estimate, sharp=sharp)
-    groups = rows.astype({"quantity": str}).groupby([*by, "quantity"], sort=False)
-    table = groups.agg(
-        states=("percent", "size"),
-        median_percent=("percent", "median"),
-        p95_percent=("percent", partial(pages.percentile, percent=95)),
-        max_percent=("percent", "max"),
-        coverage=("covered", "mean"),
-        sharpness=("sharp", "mean"),
-    )
-    # the share of a coverage that a like number of other states would have, with a probability of 95 %
-    hits = (table.coverage * table.states).round().astype(int)
-    bounds = [binomtest(int(k), int(n)).proportion_ci(0.95) for k, n in zip(hits, table.states, strict=True)]
-    table["coverage_low"], table["coverage_high"] = [b.low for b in bounds], [b.high for b in bounds]
-    return pages.records(table.reset_index())
-
-
-def summary(states: pd.DataFrame) -> list[Row]:
-    table = statistics(errors_of(states), "level", "model", "scene")
-    for row in table:
-        promised = row["quantity"] not in NUMBERS
-        row["goal_percent"] = 100 * WIDER.get(row["scene"], GOALS)[row["level"]] if promised else math.nan
-        row["met"] = _goal(row).met if promised else None
-    return table
-
-
-def _goal(row: Row) -> Goal:
-    name = f"{row['model']} {row['scene']}, {row['quantity']}, {row['level']}, largest error"
-    return Goal(name, row["max_percent"], row["goal_percent"], row["states"], "%")
-
-
-def shares(states: pd.DataFrame) -> list[Row]:
-    """Return the statistics of each scene and quantity over all levels, for all states and for those of TESTED."""
-    errors, place = errors_of(states), ("model", "scene", "quantity")
-    parts = statistics(errors[errors.part.isin(TESTED)], *place[:2], "part")
-    tested = {tuple(row[name] for name in place): row for row in parts}
-    rows = []
-    for row in statistics(errors, *place[:2]):
-        first = {name: row[name] for name in place}
-        other = tested.get(tuple(first.values()))
-        own = {"all": row} | ({other["part"]: other} if other else {})
-        rows += [
-            first | {"designs": designs} | {key: value for key, value in each.items() if key != "part"}
-            for designs, each in own.items()
-        ]
-    return rows
+# Page
 
 
 def references(states: pd.DataFrame) -> list[Row]:
     """Return the differences between the reference and a finer mesh, percent; NaN where a value is zero."""
     own = states[(states.level == "reference") & (states.status == "ok")]
-    errors = 100 * own[[f"{name}_error" for name in RESPONSES]]
+    errors = 100 * own.reindex(columns=[f"{name}_error" for name in RESPONSES])
     errors.columns = [f"{name}_percent" for name in RESPONSES]
     return pages.records(own[["design", "scene", "depth_mm", "shear_mm"]].join(errors))
-
-
-def goals(states: pd.DataFrame) -> list[Goal]:
-    return goals_of_estimates(states) + [_goal(row) for row in summary(states) if row["met"] is not None]
-
-
-def goals_of_estimates(states: pd.DataFrame) -> list[Goal]:
-    """Return the goals of coverage and, for the response and tangents, of sharpness."""
-    lost = int((~states.status.isin(["ok", *UNSTABLE])).sum())
-    compared = 100 * float((states.status == "ok").mean()) if len(states) else None
-    posed = [
-        Goal("states without a comparison", lost, 0, len(states)),
-        # unstable states are none, but of them alone no error is known
-        Goal("states that are compared", compared, COMPARED, len(states), "%", at_least=True),
-    ]
-    judged = (
-        ("true errors that are at most the estimate", "coverage", COVERAGE),
-        (f"estimates that are at most {SHARP:g} times the true error", "sharpness", SHARPNESS),
-    )
-    known = (row for row in shares(states) if row["designs"] == "all" and row["states"] >= LEAST_STATES)
-    for row, (name, column, bound) in product(known, judged):
-        if column == "sharpness" and row["quantity"] in NUMBERS:
-            continue
-        name = f"{row['model']} {row['scene']}, {row['quantity']}, {name}"
-        posed.append(Goal(name, 100 * row[column], 100 * bound, row["states"], "%", at_least=True))
-    return posed
-
-
-def rules(states: pd.DataFrame) -> list[Row]:
-    """Return the rows of fem/results/error_rules.csv, with c so wide that each covers COVERAGE of its states.
-
-    States of the part "unseen" are left out, because they test the rules. Rows with states in the study get today's
-    versions and commit; the others stay. An estimate that is unknown or 0
-    covers no error, whatever c is, and misses its goal: c does not follow from it.
-    """
-    errors = errors_of(states)
-    errors = errors[(errors.estimate > 0) & (errors.part != "unseen")]
-    scene = errors.scene.where(errors.model != "half", np.where(errors.scene == "press", "solid press", "solid"))
-    scene = pd.Series(scene, index=errors.index, dtype=object).map(scene_of_rules)
-    kinds = {(row["scene"], row["variant"]) for row in table_rows()}
-    pooled = np.array([(each, ANY) in kinds for each in scene], dtype=bool)
-    variant = errors.magnet.where(~pooled, ANY)
-    pressed = (errors.quantity == "frequency") & (errors.depth_mm > 0)
-    quantity = errors.quantity.astype(str).where(~pressed, "pressed frequency")
-    needed = (
-        (errors.error / errors.estimate)
-        .groupby([scene, variant, quantity])
-        .agg(pages.percentile, percent=100 * COVERAGE)
-    )
-    today: dict[str, int] = dict(PHYSICS.items())
-    rows = []
-    for row in table_rows():
-        factor = needed.get((row["scene"], row["variant"], row["quantity"]))
-        if factor is not None:
-            c = float(row["c"]) if factor <= 1 else rounded_up(factor * float(row["c"]), 3)
-            row |= {"c": f"{c:g}", "version": str(today[row["model"]]), "commit": provenance.commit() or ""}
-        rows.append(row)
-    return rows
 
 
 def result(states: pd.DataFrame, *, quick: bool) -> Result:

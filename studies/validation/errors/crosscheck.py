@@ -18,6 +18,7 @@ from studies.output.result import Result
 from studies.simulation.compare import part
 from studies.validation import error_study_cases, pages
 from studies.validation.error_study_cases import answers_of
+from studies.validation.errors.error_table import relative_errors
 
 FILES = ("CROSSCHECK.md", "crosscheck.csv")
 COMPONENTS = {
@@ -124,17 +125,15 @@ def compared(chosen: list[Case], harmonic: pd.DataFrame, solid: pd.DataFrame, on
         table.loc[bad, "status"] = answers.loc[bad, "status"]
         table.loc[bad, "message"] = name + ": " + answers.loc[bad, "message"]
     table["agree"] = good
-    for name, columns in COMPONENTS.items():
-        a, b, c = (answers[list(columns)].to_numpy(dtype=float) for answers in states.values())
-        asked = (good & (table["sheared"] | (name != "sideways"))).to_numpy()
-        size = np.where(asked, np.linalg.norm(a, axis=1), np.nan)
+    other, more = (100 * relative_errors(answers, harmonic, COMPONENTS, 0.0) for answers in (solid, one_more))
+    for name in COMPONENTS:
+        asked = good & (table["sheared"] | (name != "sideways"))
         column = "error_estimate" if name == "force" else f"{name}_error_estimate"
-        own, other = harmonic[column], solid[column]
-        table[f"{name}_difference_percent"] = 100 * np.linalg.norm(a - b, axis=1) / size
-        table[f"{name}_harmonic_estimate_percent"] = 100 * own.where(asked)
-        table[f"{name}_half_estimate_percent"] = 100 * other.where(asked)
-        table[f"{name}_one_harmonic_more_percent"] = 100 * np.linalg.norm(a - c, axis=1) / size
-        agrees = table[f"{name}_difference_percent"] <= 100 * (own + other)
+        table[f"{name}_difference_percent"] = other[name].where(asked)
+        table[f"{name}_harmonic_estimate_percent"] = 100 * harmonic[column].where(asked)
+        table[f"{name}_half_estimate_percent"] = 100 * solid[column].where(asked)
+        table[f"{name}_one_harmonic_more_percent"] = more[name].where(asked)
+        agrees = _off(table, name) <= 1
         table[f"{name}_agree"] = agrees.astype(object).where(asked)
         table["agree"] &= agrees | ~asked
     table["harmonic_s"], table["half_s"] = harmonic["seconds"], solid["seconds"]

@@ -29,8 +29,8 @@ from geometry.messages import Progress
 from studies.output.figures import picture
 from studies.output.result import Result, Table
 from studies.validation import pages
-from studies.validation.errors import accuracy_study
-from studies.validation.errors.accuracy_study import RESPONSES
+from studies.validation.errors import error_table
+from studies.validation.errors.error_table import RESPONSES
 from studies.validation.pages import Row
 from studies.web import verdict_figures
 
@@ -242,7 +242,7 @@ def run(progress: Progress, *, quick: bool = False, states: Path | None = None) 
 
 
 def result(rows: pd.DataFrame, drawn: pd.DataFrame, run: str) -> Result:
-    shares, levels = accuracy_study.shares(rows), accuracy_study.summary(rows)
+    shares, levels = error_table.shares(rows), error_table.summary(rows)
     numbers = drawn.groupby("kind", sort=False).number.nunique()
     page = {
         "kinds": [{"kind": kind, "states": int(numbers[kind])} for kind in numbers.index],
@@ -258,12 +258,12 @@ def result(rows: pd.DataFrame, drawn: pd.DataFrame, run: str) -> Result:
     records = pages.records(rows)
     more: Row = {
         "records": [*shares, *levels],
-        "goals": accuracy_study.goals_of_estimates(rows),
+        "goals": error_table.goals_of_estimates(rows),
         "digits": 7,
         "run": run,
     }
     more["tables"] = {"estimates": records, "random_states": pages.records(drawn)}
-    more["tables"] |= {"error_rules": accuracy_study.rules(rows)}
+    more["tables"] |= {"error_rules": error_table.rules(rows)}
     more["shown"] = [Table(title=title, rows=table, first=first) for title, table in tables.items()]
     files = {"estimates.png": functools.partial(picture, rows=records, draw=verdict_figures.accuracy)}
     return pages.study("estimates", "Error estimates", records, page, files=files, **more)

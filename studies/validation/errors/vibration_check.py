@@ -22,6 +22,7 @@ from studies.simulation import response_curves
 from studies.simulation.response_curves import Complex, Curves
 from studies.validation import pages
 from studies.validation.error_study_cases import designs, rounded
+from studies.validation.errors.error_table import CLEAR, COVERAGE, SHARP, SHARPNESS
 from studies.validation.pages import Row
 
 REFERENCE = replace(FINE, name="reference", section_size=0.03, section_patch=0.0013, harmonics=4)
@@ -31,8 +32,6 @@ RATIOS = np.geomspace(0.02, 3.0, 40)
 """Frequencies over the lowest natural one of the free sensor."""
 FINE_DESIGNS = (0, 3, 6, 9)
 """Designs that are solved at level fine too, without shear."""
-GOAL, SHARP_GOAL, SHARP, RESOLVED = 0.95, 0.5, 3.0, 3e-4
-"""Goals; estimate over error up to which it is sharp; estimate below which the reference is hardly better."""
 NAN = float("nan")
 FILES = ("VIBRATION_ERRORS.md", "vibration_errors.csv")
 FIGURES = ("static_error", "static_estimate", "largest_error", "difference", "holds", "sharp")
@@ -130,7 +129,7 @@ def judge(
         error = np.abs(g - g_true) / np.abs(g_true)
         slope = response_curves.amplification(fine[motion].frequency, g)
         difference = np.abs(g - g_coarse) / np.maximum(np.abs(g), np.abs(g_coarse)) / slope
-        holds, sharp = estimate >= error, (estimate <= SHARP * error) | (estimate <= RESOLVED)
+        holds, sharp = estimate >= error, (estimate <= SHARP * error) | (estimate <= CLEAR)
         figures = (error[0], estimate[0], error.max(), np.median(difference), holds.mean(), sharp.mean())
         judged.append(row | dict(zip(FIGURES, map(float, figures), strict=True)))
     return judged
@@ -166,7 +165,7 @@ def summary(judged: Sequence[Row]) -> list[Row]:
 def goals(judged: Sequence[Row]) -> list[Goal]:
     """Return the goals of the study; a case without an answer misses them all."""
     posed = []
-    for name, goal in (("holds", GOAL), ("sharp", SHARP_GOAL)):
+    for name, goal in (("holds", COVERAGE), ("sharp", SHARPNESS)):
         share = 100 * float(np.mean([one[name] for one in judged])) if judged else None
         posed.append(Goal(name, share, 100 * goal, len(judged), "%", at_least=True))
     return posed
