@@ -2,9 +2,10 @@
 
 import pandas as pd
 import pytest
+from conftest import ROUGH
 
 from analytic import beam
-from fem.accuracy import QUICK
+from fem.accuracy import LEVELS
 from fem.equilibrium import solve
 from geometry.loads import Load
 from studies.output import goals, result
@@ -59,13 +60,14 @@ def test_a_state_without_a_comparison_misses_a_goal(comparisons):
     assert len(goals.missed(ladder.goals(refused))) == len(beam.LEVELS)
 
 
-def test_errors_are_those_of_solves_and_formulas(tmp_path):
+def test_errors_are_those_of_solves_and_formulas(tmp_path, monkeypatch):
     """One design by the engine; the press force before a shear is that of the formula at the same depth."""
+    monkeypatch.setitem(LEVELS, "quick", ROUGH)
     rows = ladder.run(lambda share, text: None, quick=True, store=tmp_path / "states.sqlite").frame("ladder")
     assert len(rows) == 14 * len(beam.LEVELS)
     row = rows.query("level == 'finite' and depth_over_D == 0.12 and shear_over_D == 0.15").iloc[0]
     design, load = error_study_cases.designs("ladder")[0], Load(0.96, 1.2, friction="stick")
-    exact, formula = solve(design, load, QUICK).response, beam.solve(design, load, "finite")
+    exact, formula = solve(design, load, ROUGH).response, beam.solve(design, load, "finite")
     before = beam.solve(design, Load(0.96), "finite").force[2]
     expected = (formula.force[2] - exact.force[2]) / before
     assert row["press_under_shear_error"] == pytest.approx(expected, rel=1e-6)
