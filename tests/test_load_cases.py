@@ -16,7 +16,7 @@ from geometry.bad_input import MeshError
 from geometry.design import paper
 from geometry.loads import Load
 from studies.inputs import option_groups
-from studies.inputs.option_groups import Method, Motion
+from studies.inputs.option_groups import Method, Motion, Wanted
 from studies.mechanics import model_choice
 from studies.mechanics.model_choice import Statement
 from studies.simulation import compare, load_cases, within_tolerance
@@ -153,7 +153,7 @@ def test_formulas_say_what_is_in_the_way(run, strict):
     [
         ({"depth": 1.0, "friction": "stick"}, {}, ["--friction stick"]),
         ({"depth": 1.0, "friction": "stick", "shear_y": 1.0}, {}, []),
-        ({"depth": 1.0}, {"mesh": Path("m.vtu"), "accuracy": "fine"}, ["--accuracy"]),
+        ({"depth": 1.0}, {"mesh": Path("m.vtu"), "wanted": Wanted(accuracy="fine")}, ["--accuracy"]),
         ({"depth": 1.0}, {"mesh": Path("m.vtu")}, []),
     ],
 )

@@ -19,6 +19,7 @@ from fem.solve.direct_solver import STABLE
 from geometry.design import BadInput, paper
 from geometry.loads import Load
 from geometry.relaxation import Relaxation, relaxation_of
+from studies.inputs.option_groups import Elements
 from studies.mechanics.cycle_motion import Motion, stops
 from studies.mechanics.loading_cycles import Cycles, Static, loops_of
 from studies.mechanics.resonance_peaks import bandwidth, flat_to, peaks
@@ -103,7 +104,7 @@ def test_a_search_that_stops_or_a_tip_that_gives_way_is_not_ok(monkeypatch):
         monkeypatch.setattr(stability, "critical", lambda *_, **__: found)
         shear = small_shear.SmallShear(stiffness, 0.5, 0.1, 1.0, 1.0, stability=STABLE)
         monkeypatch.setattr(small_shear, "small_shear", lambda *_, **__: shear)
-        (record,) = critical_depths.at_design(paper(), "rigid", "quick", depth, lambda *_: None).records
+        (record,) = critical_depths.at_design(paper(), Elements(accuracy="quick"), depth, lambda *_: None).records
         return record["status"], record["message"]
 
     assert status("")[0] == "ok"

@@ -17,7 +17,7 @@ from geometry.bad_input import no_effect
 from geometry.design import BadInput, Design
 from geometry.messages import Progress
 from studies.cli.parameters import Call, OwnStore, Scheduler, Source, Workers, say_if_without_magnet, verb
-from studies.inputs.option_groups import CALIBRATION, Sensitivity, Solving, Sweep, Whole
+from studies.inputs.option_groups import Calibration, Sensitivity, Solving, Sweep, Whole
 from studies.inputs.user_input import warn_of_values
 from studies.output import atomic_files, console, own_files, provenance
 from studies.output.result import FAILED, GOOD, Destination, Result, check_files, of_record, publish, show
@@ -195,7 +195,7 @@ def explore(
     port: Whole = 0,
     no_browser: bool = False,
     export: Path | None = None,
-    calibration: Annotated[Path | None, CALIBRATION] = None,
+    calibration: Calibration | None = None,
 ) -> int:
     """Open a page on which a sensor and its load are changed by hand, solved by finite elements meanwhile.
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import inspect
+import itertools
 import shlex
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -149,10 +150,7 @@ def command(verb: Callable[..., int], arguments: Mapping[str, Any]) -> str:
     for key, parameter in inspect.signature(verb).parameters.items():
         if key in LEFT_OUT:
             continue
-        value, given = arguments[key], [(key, arguments[key], parameter.default)]
-        if dataclasses.is_dataclass(value):
-            given = [(each.name, getattr(value, each.name), each.default) for each in dataclasses.fields(value)]
-        for own, one, default in given:
+        for own, one, default in _options_of(key, arguments[key], parameter.default):
             texts = list(map(str, one if isinstance(one, list) else [one]))
             if one == default:
                 continue
@@ -168,3 +166,11 @@ def command(verb: Callable[..., int], arguments: Mapping[str, Any]) -> str:
                     for part in ([f"{options[own]}={text}"] if text.startswith("-") else [options[own], text])
                 ]
     return shlex.join(words)
+
+
+def _options_of(name: str, value: Any, default: Any) -> list[tuple[str, Any, Any]]:
+    """Return name, value and default of each option of a group and of the groups in it, or of a single option."""
+    if not dataclasses.is_dataclass(value):
+        return [(name, value, default)]
+    groups = [_options_of(each.name, getattr(value, each.name), each.default) for each in dataclasses.fields(value)]
+    return list(itertools.chain.from_iterable(groups))

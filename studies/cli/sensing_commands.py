@@ -12,7 +12,7 @@ from cyclopts import Parameter
 from geometry.design import BadInput
 from studies.cli.parameters import Call, verb
 from studies.inputs import option_groups
-from studies.inputs.option_groups import CALIBRATION, SOURCES, TILTS, Basis, LayoutParts, Pose
+from studies.inputs.option_groups import Basis, Calibration, LayoutParts, LoadSource, Pose, TiltSource, Tolerances
 from studies.inputs.user_input import say_no_effect
 from studies.output import atomic_files, console
 from studies.output.result import GOOD, Destination, Result, of_record, publish, show
@@ -28,7 +28,7 @@ def field(
     *,
     points: Path,
     pose: Pose = Pose(),
-    level: Annotated[option_groups.FieldLevel, option_groups.LEVEL] = "exact",
+    level: option_groups.FieldModel = "exact",
     out: Path | None = None,
 ) -> int:
     """Compute the magnet's field at the points of a table, in the sensor's frame (base at z = 0, beam along z).
@@ -57,7 +57,7 @@ def readings(
     pose: Pose = Pose(),
     reading: option_groups.Reading = option_groups.Reading(),
     responses: Path | None = None,
-    calibration: Annotated[Path | None, CALIBRATION] = None,
+    calibration: Calibration | None = None,
     depth: float = 0.0,
     shear: float = 0.0,
     shear_y: float = 0.0,
@@ -290,10 +290,10 @@ def firmware(
     *,
     out: Path,
     flash: str = "64k",
-    level: Annotated[str | None, SOURCES] = None,
+    level: LoadSource | None = None,
     responses: Path | None = None,
-    tolerances: Annotated[list[str] | None, Parameter(name="--tolerance")] = None,
-    calibration: Annotated[Path | None, CALIBRATION] = None,
+    tolerances: Tolerances | None = None,
+    calibration: Calibration | None = None,
     ros2: bool = False,
 ) -> int:
     """Export the decoder of a design as a C header for a microcontroller, in an Arduino library with test vectors.
@@ -341,7 +341,7 @@ def table(
     *,
     out: Path,
     step: float = 0.01,
-    level: Annotated[str | None, TILTS] = None,
+    level: TiltSource | None = None,
     responses: Path | None = None,
     plane: bool = False,
 ) -> int:

@@ -10,11 +10,10 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 
 from geometry.design import BadInput, Design
-from geometry.loads import Magnet
 from studies.cli.parameters import Call, say_if_without_magnet, verb
 from studies.inputs import option_groups, user_input
-from studies.inputs.option_groups import DEPTH, MAGNET, SHEAR, STANDARD, Whole
-from studies.inputs.user_input import AccuracyName, say_no_effect
+from studies.inputs.option_groups import Body, Depth, Elements, Shear, ShearY, Wanted, Whole
+from studies.inputs.user_input import say_no_effect
 from studies.output import atomic_files, console
 from studies.output.result import Result, failure_of, publish, show
 
@@ -77,7 +76,7 @@ def converge(
     call: Call,
     *,
     motion: option_groups.Motion = option_groups.Motion(),
-    magnet: Annotated[Magnet, MAGNET] = "rigid",
+    magnet: Body = "rigid",
     levels: Whole = 5,
     ratio: float = 1.5,
 ) -> int:
@@ -106,9 +105,9 @@ def converge(
 def analytic(
     call: Call,
     *,
-    depth: Annotated[float, DEPTH],
-    shear: Annotated[float, SHEAR] = 0.0,
-    shear_y: Annotated[float, option_groups.SHEAR_Y] = 0.0,
+    depth: Depth,
+    shear: Shear = 0.0,
+    shear_y: ShearY = 0.0,
     level: str = "paper",
 ) -> int:
     """Compute force, shift of the magnet and readings by formulas; in a shear the tip sticks to the plate.
@@ -130,9 +129,8 @@ def analytic(
 def stability(
     call: Call,
     *,
-    depth: Annotated[float | None, DEPTH] = None,
-    magnet: Annotated[Magnet, MAGNET] = "rigid",
-    accuracy: Annotated[AccuracyName, option_groups.ACCURACY] = "standard",
+    depth: Depth | None = None,
+    elements: Elements = Elements(),
     slenderness: str | None = None,
 ) -> int:
     """Compute the depth at which a press buckles sideways; with --depth also the response to a small shear.
@@ -144,7 +142,7 @@ def stability(
     """
     from studies.simulation import critical_depths
 
-    design = call.design(magnet)
+    design = call.design(elements.magnet)
     if slenderness is not None:
         if depth is not None:
             raise BadInput("--depth and --slenderness exclude each other: give only one")
@@ -152,10 +150,10 @@ def stability(
             say_no_effect("L", "the lengths come from --slenderness")
         ratios = _slenderness_of(slenderness, design)
         here = call.here(critical_depths.FILES)
-        return publish(partial(critical_depths.over_slenderness, design, magnet, accuracy, ratios), here)
+        return publish(partial(critical_depths.over_slenderness, design, elements, ratios), here)
     if call.out is not None:
         raise BadInput("--out works with --slenderness only: add --slenderness 1,2,3")
-    return publish(partial(critical_depths.at_design, design, magnet, accuracy, depth), call.here())
+    return publish(partial(critical_depths.at_design, design, elements, depth), call.here())
 
 
 def _slenderness_of(text: str, design: Design) -> list[float]:
@@ -178,9 +176,8 @@ def modes(
     call: Call,
     *,
     count: Whole = 8,
-    depth: Annotated[float, DEPTH] = 0.0,
-    magnet: Annotated[Magnet, MAGNET] = "rigid",
-    accuracy: Annotated[AccuracyName, option_groups.ACCURACY] = "standard",
+    depth: Depth = 0.0,
+    elements: Elements = Elements(),
 ) -> int:
     """Compute natural frequencies and mode shapes of the sensor, free or pressed against a plate to which it sticks.
 
@@ -191,8 +188,8 @@ def modes(
     """
     from studies.simulation import vibration_report
 
-    design = call.design(magnet)
-    study = partial(vibration_report.natural_frequencies, design, magnet, count, depth, accuracy)
+    design = call.design(elements.magnet)
+    study = partial(vibration_report.natural_frequencies, design, count, depth, elements)
     return publish(study, call.here())
 
 
@@ -200,8 +197,7 @@ def modes(
 def compare(
     call: Call,
     *,
-    accuracy: Annotated[AccuracyName | None, STANDARD] = None,
-    tolerance: Annotated[str | None, option_groups.TOLERANCE] = None,
+    wanted: Wanted = Wanted(),
 ) -> int:
     """Compare finite elements and formulas in a press and in a shear.
 
@@ -216,11 +212,11 @@ def compare(
     design = call.design()
     say_if_without_magnet(design)
     chosen = None
-    if tolerance is not None:
-        within_tolerance.check_alone({"--accuracy": accuracy})
-        chosen = within_tolerance.choose_accuracy(design, study.default_loads(design), tolerance)
+    if wanted.tolerance is not None:
+        within_tolerance.check_alone({"--accuracy": wanted.accuracy})
+        chosen = within_tolerance.choose_accuracy(design, study.default_loads(design), wanted.tolerance)
         within_tolerance.say(chosen)
-    level = LEVELS[chosen.level_or_accuracy if chosen else accuracy or "standard"]
+    level = LEVELS[chosen.level_or_accuracy if chosen else wanted.level]
     options: dict[str, Any] = {"chosen": chosen, "accuracy": level}
     return publish(lambda progress: study.run(design, progress=progress, **options), here)
 
@@ -235,7 +231,7 @@ def response(call: Call, *, vibration: option_groups.Vibration = option_groups.V
     from studies.simulation import vibration_report
 
     here = call.here(vibration_report.FILES)
-    design = call.design(vibration.magnet)
+    design = call.design(vibration.elements.magnet)
     study = vibration_report.study(design, vibration)
     say_if_without_magnet(design)
     return publish(study, here)
@@ -251,11 +247,11 @@ def cycle(call: Call, *, motion: option_groups.Cycle = option_groups.Cycle()) ->
     from studies.simulation import cycle_findings
 
     here = call.here(cycle_findings.FILES, [motion.calibration])
-    design, made = call.design(motion.magnet), None
+    design, made = call.design(motion.elements.magnet), None
     if motion.calibration is not None:
         from studies.calibration import calibration_file
 
-        if motion.magnet != "rigid":
+        if motion.elements.magnet != "rigid":
             raise BadInput("--magnet has no place beside --calibration, which is of a rigid one: leave it out")
         found = calibration_file.of_design(motion.calibration, design)
         design, made = found.design, partial(calibration_file.made_states, found)

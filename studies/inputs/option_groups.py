@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal, TypeVar, dataclass_transform
+from typing import TYPE_CHECKING, Annotated, Literal, TypeVar, dataclass_transform
 
 from cyclopts import Parameter, Token
 
@@ -15,6 +15,9 @@ from geometry.loads import Magnet, Waveform
 from studies.inputs.study_input import LOAD, load_help
 from studies.inputs.user_input import AccuracyName
 from studies.quantities import choice
+
+if TYPE_CHECKING:
+    from fem.accuracy import Accuracy
 
 _T = TypeVar("_T")
 FieldLevel = Literal["exact", "paper", "paper-printed", "dipole"]
@@ -30,60 +33,96 @@ def _whole(type_: object, tokens: Sequence[Token]) -> int:
 
 
 Whole = Annotated[int, Parameter(converter=_whole, n_tokens=1)]
-DEPTH = Parameter(help=load_help("depth"))
-SHEAR = Parameter(help=load_help("shear"))
-SHEAR_Y = Parameter(help=load_help("shear_y"))
-PLATE_TILT = Parameter(help=load_help("plate_tilt"))
-GRIP = Parameter(help=load_help("grip"))
-FRICTION = Parameter(help=load_help("friction", "default: none for a press, stick for a shear"))
-MAGNET = Parameter(help="Rigid body, or ignored (the whole beam is silicone).")
-LEVEL = Parameter(
-    help="Model of the field: exact; paper, its equation (3); paper-printed, the same with its misprint; dipole."
-)
-ACCURACY = Parameter(help="Accuracy of mesh and harmonics.")
-STANDARD = Parameter(help="Accuracy of mesh and harmonics; default: standard.")
-TOLERANCE = Parameter(
-    help="Largest relative error, such as 1% or 0.01: choose the cheapest model whose errors in "
-    "`magtip validate errors trade` meet it, instead of --accuracy."
-)
-STORE = Parameter(
-    help="File that keeps all solved states; default: the user's, or the one that the environment variable "
-    "MAGTIP_STORE names."
-)
+
+
+# Options of several groups or verbs: kind and help stand here only, a default with the group or verb.
+
+
+def _of_load(name: str, default: str = "") -> Parameter:
+    return Parameter(help=load_help(name, default))
+
+
+Depth = Annotated[float, _of_load("depth")]
+Shear = Annotated[float, _of_load("shear")]
+ShearY = Annotated[float, _of_load("shear_y")]
+PlateTilt = Annotated[float, _of_load("plate_tilt")]
+Imperfection = Annotated[float, _of_load("imperfection")]
+Friction = Annotated[str, _of_load("friction", "default: none for a press, stick for a shear")]
+Grip = Annotated[float, _of_load("grip")]
+Body = Annotated[Magnet, Parameter(help="Rigid body, or ignored (the whole beam is silicone).")]
+Level = Annotated[AccuracyName, Parameter(help="Accuracy of mesh and harmonics.")]
+Tolerance = Annotated[
+    str,
+    Parameter(
+        help="Largest relative error, such as 1% or 0.01: choose the cheapest model whose errors in "
+        "`magtip validate trade` meet it, instead of --accuracy."
+    ),
+]
+StoreFile = Annotated[
+    Path,
+    Parameter(
+        help="File that keeps all solved states; default: the user's, or the one that the environment variable "
+        "MAGTIP_STORE names."
+    ),
+]
+FieldModel = Annotated[
+    FieldLevel,
+    Parameter(
+        help="Model of the field: exact; paper, its equation (3); paper-printed, the same with its misprint; dipole."
+    ),
+]
 _SOURCES = (
     "surrogate (of the finite elements, with intervals), fem (finite elements, solved or from the store), or "
     "formulas: finite, magnet, tip, column, paper"
 )
-SOURCES = Parameter(
-    help=f"Source of tilt and load: {_SOURCES}; default: the first of surrogate, fem, finite and paper that covers "
-    "the design."
-)
-TILTS = Parameter(help=f"Source of the tilt: {_SOURCES}; default: none, so that the magnet does not tilt.")
-RESPONSES = Parameter(
-    help="File of states printed by `magtip solve --json` (or `analytic --json`), one per line, for tilt and load "
-    "instead of a --level."
-)
-STATES = Parameter(
-    help="File of states printed by `magtip solve --json`, for the mechanics; default: some 40 states of the design, "
-    "which are solved the first time and stay in the store."
-)
-NO_TILT = Parameter(help="Assume that the magnet does not tilt.")
+LoadSource = Annotated[
+    str,
+    Parameter(
+        help=f"Source of tilt and load: {_SOURCES}; default: the first of surrogate, fem, finite and paper that "
+        "covers the design."
+    ),
+]
+TiltSource = Annotated[
+    str, Parameter(help=f"Source of the tilt: {_SOURCES}; default: none, so that the magnet does not tilt.")
+]
+Responses = Annotated[
+    Path,
+    Parameter(
+        help="File of states printed by `magtip solve --json` (or `analytic --json`), one per line, for tilt and "
+        "load instead of a --level."
+    ),
+]
+States = Annotated[
+    Path,
+    Parameter(
+        help="File of states printed by `magtip solve --json`, for the mechanics; default: some 40 states of the "
+        "design, which are solved the first time and stay in the store."
+    ),
+]
+Untilted = Annotated[bool, Parameter(help="Assume that the magnet does not tilt.")]
 Mode = Annotated[
     Literal["component", "magnitude"],
     Parameter(help="Reading of an element: component B.n, or magnitude |B| as in the paper."),
+]
+Tolerances = Annotated[list[str], Parameter(name="--tolerance")]
+Temperature = Annotated[
+    float,
+    Parameter(
+        help="Temperature of the readings, C, for a --calibration whose bench had temperatures; default: that beside "
+        "the readings, or unknown, which widens the intervals."
+    ),
+]
+Calibration = Annotated[
+    Path,
+    Parameter(
+        help="calibration.json of `magtip calibrate`: take the made sensor that it describes, with 90 % intervals."
+    ),
 ]
 ASKED = Parameter(help=choice())
 AXIS = Parameter(
     help="Values NAME=a,b,c or NAME=lin:START:STOP:COUNT or NAME=log:START:STOP:COUNT of a field of the design (D, "
     f"L, E, nu, law, ...), of the load ({', '.join(LOAD)}) or of magnet; lengths also over the diameter, as L/D and "
     "depth/D; repeatable."
-)
-TEMPERATURE = Parameter(
-    help="Temperature of the readings, C, for a --calibration whose bench had temperatures; default: that beside the "
-    "readings, or unknown, which widens the intervals."
-)
-CALIBRATION = Parameter(
-    help="calibration.json of `magtip calibrate`: take the made sensor that it describes, with 90 % intervals."
 )
 
 
@@ -96,7 +135,7 @@ def _options(group: type[_T]) -> type[_T]:
 class Motion:
     """Motion of the plate or of the grip, and the contact."""
 
-    depth: Annotated[float | None, DEPTH] = None
+    depth: Depth | None = None
     depths: str | None = None
     """Several depths of a press, d1,d2,d3, mm."""
     force: float | None = None
@@ -111,12 +150,12 @@ class Motion:
     steps: Whole | None = None
     """Number of equal steps of the depth, or of the shear (at full depth) if there is one; or of the forces in their
     place; default: 1."""
-    shear: Annotated[float | None, SHEAR] = None
-    shear_y: Annotated[float | None, SHEAR_Y] = None
-    plate_tilt: Annotated[float, PLATE_TILT] = 0.0
-    imperfection: Annotated[float, Parameter(help=load_help("imperfection"))] = 0.0
-    friction: Annotated[str | None, FRICTION] = None
-    grip: Annotated[float | None, GRIP] = None
+    shear: Shear | None = None
+    shear_y: ShearY | None = None
+    plate_tilt: PlateTilt = 0.0
+    imperfection: Imperfection = 0.0
+    friction: Friction | None = None
+    grip: Grip | None = None
 
 
 @_options
@@ -131,19 +170,27 @@ class Pose:
 
 
 @_options
-class Method:
-    """Model, mesh and accuracy of the finite elements."""
+class Elements:
+    """Finite elements: what the magnet is, and how accurate they are."""
 
-    magnet: Annotated[Magnet, MAGNET] = "rigid"
-    model: Model = "auto"
-    """Finite-element model; auto takes the smallest one that can carry the load."""
-    harmonics: Whole | None = None
-    """Number of harmonics of model harmonic, 0 to 12 (a shear needs 1 or more); default: that of the accuracy."""
-    mesh: Path | None = None
-    """File with a tetrahedral mesh of this design, whole or the half at y >= 0, in a format of meshio (.vtu, .msh,
-    .inp, ...), with regions named silicone and magnet; errors are then not estimated."""
-    accuracy: Annotated[AccuracyName | None, STANDARD] = None
-    tolerance: Annotated[str | None, TOLERANCE] = None
+    magnet: Body = "rigid"
+    accuracy: Level = "standard"
+
+    @property
+    def level(self) -> Accuracy:
+        """The accuracy."""
+        from fem.accuracy import level
+
+        return level(self.accuracy)
+
+
+@_options
+class Wanted:
+    """The accuracy that is wanted, or the tolerance that chooses one."""
+
+    accuracy: AccuracyName | None = None
+    """Accuracy of mesh and harmonics; default: standard."""
+    tolerance: Tolerance | None = None
 
     @property
     def level(self) -> AccuracyName:
@@ -152,12 +199,27 @@ class Method:
 
 
 @_options
+class Method:
+    """Model, mesh and accuracy of the finite elements."""
+
+    magnet: Body = "rigid"
+    model: Model = "auto"
+    """Finite-element model; auto takes the smallest one that can carry the load."""
+    harmonics: Whole | None = None
+    """Number of harmonics of model harmonic, 0 to 12 (a shear needs 1 or more); default: that of the accuracy."""
+    mesh: Path | None = None
+    """File with a tetrahedral mesh of this design, whole or the half at y >= 0, in a format of meshio (.vtu, .msh,
+    .inp, ...), with regions named silicone and magnet; errors are then not estimated."""
+    wanted: Wanted = Wanted()
+
+
+@_options
 class Basis:
     """Poses and readings on which a layout of Hall elements is evaluated."""
 
-    level: Annotated[str | None, SOURCES] = None
-    responses: Annotated[Path | None, RESPONSES] = None
-    ignore_tilt: Annotated[bool, NO_TILT] = False
+    level: LoadSource | None = None
+    responses: Responses | None = None
+    ignore_tilt: Untilted = False
     mode: Mode = "component"
     clearance: float = 0.0
     """Least distance between an element and the moved magnet or the beam's wall, mm."""
@@ -167,7 +229,7 @@ class Basis:
 class Selection:
     """States of the store, all of them by default."""
 
-    store: Annotated[Path | None, STORE] = None
+    store: StoreFile | None = None
     where: list[str] | None = None
     """Filter by a field, NAME=VALUE, NAME=a,b or NAME=low:high; repeatable. Fields are model, magnet, law, nu,
     L_over_D, accuracy, friction, depth_over_D, status and the other columns of an export."""
@@ -189,20 +251,19 @@ class Selection:
 class Vibration:
     """State at rest of a sensor, and the frequencies at which it vibrates."""
 
-    depth: Annotated[float | None, Parameter(help=load_help("depth", "default: 1"))] = None
-    shear: Annotated[float, SHEAR] = 0.0
+    depth: Annotated[float | None, _of_load("depth", "default: 1")] = None
+    shear: Shear = 0.0
     frequencies: str = "1:1000"
     """Lowest and highest frequency, LOW:HIGH, Hz."""
     count: Whole = 200
     """Number of frequencies in the table, spaced evenly on a logarithmic scale; resonances are added to them."""
-    shear_y: Annotated[float, SHEAR_Y] = 0.0
+    shear_y: ShearY = 0.0
     friction: str | None = None
     """stick (the default): the contact area is glued to the plate; none: the plate slides, and moves along z only; a
     Coulomb coefficient, from first touch on: the points in touch stick to the plate that vibrates."""
-    plate_tilt: Annotated[float, PLATE_TILT] = 0.0
-    grip: Annotated[float | None, GRIP] = None
-    magnet: Annotated[Magnet, MAGNET] = "rigid"
-    accuracy: Annotated[AccuracyName, ACCURACY] = "standard"
+    plate_tilt: PlateTilt = 0.0
+    grip: Grip | None = None
+    elements: Elements = Elements()
     extrapolate: bool = False
     """Allow frequencies for which the silicone's branches do not speak, and mark the results."""
 
@@ -211,7 +272,7 @@ class Vibration:
 class Cycle:
     """Motion of the plate in time."""
 
-    depth: Annotated[float, DEPTH] = 1.0
+    depth: Depth = 1.0
     speed: float | None = None
     """Mean speed of the plate, mm/s; give this or --frequency."""
     frequency: float | None = None
@@ -224,13 +285,12 @@ class Cycle:
     """Rest of the plate at each end of the stroke, s."""
     shear: float = 0.0
     """After the press, shear the tip along x between plus and minus this, mm; the depth stays."""
-    friction: Annotated[str | None, FRICTION] = None
+    friction: Friction | None = None
     gap: float | None = None
     """Find the constant loss factor with which the last loop has this gap at mid-stroke, percent of full scale (the
     paper measured less than 10)."""
-    magnet: Annotated[Magnet, MAGNET] = "rigid"
-    accuracy: Annotated[AccuracyName, ACCURACY] = "standard"
-    calibration: Annotated[Path | None, CALIBRATION] = None
+    elements: Elements = Elements()
+    calibration: Calibration | None = None
     tolerance: float = 1e-3
     """Permitted error of the force from the time steps, over the largest force; at least 1e-7."""
     extrapolate: bool = False
@@ -241,7 +301,7 @@ class Cycle:
 class Reading:
     """How the elements read."""
 
-    level: Annotated[FieldLevel, LEVEL] = "exact"
+    level: FieldModel = "exact"
     mode: Mode = "component"
     ambient: str = "0,0,0"
     """Uniform ambient field Bx,By,Bz, T."""
@@ -264,21 +324,21 @@ class Decoding:
     rest. One time TO means from the first row on."""
     units: Literal["T", "V"] | None = None
     """Unit of the readings: V (output) or T (flux density B.n); default: the unit of the elements' output."""
-    level: Annotated[str | None, SOURCES] = None
-    responses: Annotated[Path | None, RESPONSES] = None
-    ignore_tilt: Annotated[bool, NO_TILT] = False
-    tolerances: Annotated[list[str] | None, Parameter(name="--tolerance")] = None
+    level: LoadSource | None = None
+    responses: Responses | None = None
+    ignore_tilt: Untilted = False
+    tolerances: Tolerances | None = None
     """NAME=VALUE: largest deviation of a built sensor, as in `sensitivity`, such as hall_gain=1 (percent). A force
     that these tolerances may cause at rest has the status uncalibrated."""
-    calibration: Annotated[Path | None, CALIBRATION] = None
-    temperature: Annotated[float | None, TEMPERATURE] = None
+    calibration: Calibration | None = None
+    temperature: Temperature | None = None
 
 
 @_options
 class Calibrating:
     """What is known of a made sensor and its test stand."""
 
-    responses: Annotated[Path | None, STATES] = None
+    responses: States | None = None
     columns: Annotated[list[str] | None, Parameter(name="--column")] = None
     """NAME=HEAD: the column that holds a reading or a force under another name, such as `S1=X0 [uT]`; a minus before
     the head reverses its numbers, such as `chip_x=-Y0 [uT]`; repeatable."""
@@ -290,7 +350,7 @@ class Calibrating:
     """Unknown whose prior is ten times as wide; repeatable."""
     fix: list[str] | None = None
     """NAME=VALUE: unknown that is not estimated, such as remanence=1; repeatable."""
-    tolerances: Annotated[list[str] | None, Parameter(name="--tolerance")] = None
+    tolerances: Tolerances | None = None
     """NAME=VALUE: largest deviation of a built sensor, as in `sensitivity`, which gives the priors; repeatable."""
     decoder: Literal["model", "regression"] = "model"
     """What calibration.json holds: the model of the made sensor, or a ridge regression of forces on readings, linear
@@ -306,8 +366,8 @@ class Planning:
 
     presses: Whole = 12
     """Number of presses of the plan."""
-    responses: Annotated[Path | None, STATES] = None
-    tolerances: Annotated[list[str] | None, Parameter(name="--tolerance")] = None
+    responses: States | None = None
+    tolerances: Tolerances | None = None
     """NAME=VALUE: largest deviation of a built sensor, as in `sensitivity`; repeatable."""
     force_noise: float | None = None
     """Standard deviation of a measured force, N; default: half a percent of the largest one."""
@@ -322,7 +382,7 @@ class Planning:
     """Depth that the stand shows at first touch, mm."""
     stand_compliance: float = 0.004
     """How much the stand gives way, mm/N."""
-    accuracy: Annotated[AccuracyName, ACCURACY] = "quick"
+    accuracy: Level = "quick"
 
 
 @_options
@@ -359,10 +419,10 @@ class Streaming:
     rest: Annotated[float, Parameter(name="--zero")] = 0.0
     """Time at the start, s, in which nothing touches the sensor: its readings are taken for those at rest. On a
     terminal, z and Enter take those of the last half second."""
-    level: Annotated[str | None, SOURCES] = None
-    responses: Annotated[Path | None, RESPONSES] = None
-    calibration: Annotated[Path | None, CALIBRATION] = None
-    temperature: Annotated[float | None, TEMPERATURE] = None
+    level: LoadSource | None = None
+    responses: Responses | None = None
+    calibration: Calibration | None = None
+    temperature: Temperature | None = None
 
 
 @_options
@@ -423,14 +483,14 @@ class Sweep:
     """Models side by side, such as quick,standard,paper,finite: accuracies of the finite elements (half-quick for
     another model than auto), surrogate, and levels of the formulas; default: standard,paper."""
     quantities: Annotated[str | None, ASKED] = None
-    tolerance: Annotated[str | None, TOLERANCE] = None
+    tolerance: Tolerance | None = None
 
 
 @_options
 class Solving:
     """Where states are solved and kept."""
 
-    store: Annotated[Path | None, STORE] = None
+    store: StoreFile | None = None
     workers: Whole | None = None
     """Number of processes that solve; default: one for each core, or none if all solves take only seconds."""
     scheduler: str | None = None
@@ -446,12 +506,12 @@ class Sensitivity:
     vary: list[str] | None = None
     """Range of an input, NAME=low:high, of a field of the design, depth or shear; repeatable. Default: E, nu,
     remanence and size of the magnet within their tolerances. Methods sobol and morris use it."""
-    depth: Annotated[float, DEPTH]
+    depth: Depth
     shear: float = 0.0
     """Displacement of the plate along x after the press, with the tip stuck to it, mm."""
     methods: str = "sobol,montecarlo"
     """Any of sobol, morris and montecarlo, separated by commas."""
-    tolerances: Annotated[list[str] | None, Parameter(name="--tolerance")] = None
+    tolerances: Tolerances | None = None
     """Tolerance of a made sensor, NAME=VALUE, such as E=5 (percent) or magnet_x=0.1 (mm); repeatable."""
     model: str = "surrogate"
     """Model of sobol and montecarlo: surrogate, or a level of the formulas (paper, column, tip, magnet, finite)."""
@@ -482,7 +542,7 @@ class Sizing:
     sensors: Whole = 1000
     """Number of made sensors from which the yield of the best variant follows."""
     accuracy: AccuracyName = "standard"
-    store: Annotated[Path | None, STORE] = None
+    store: StoreFile | None = None
     workers: Whole | None = None
     """Number of processes that solve; default: one for each core."""
     calibration: Path | None = None

@@ -17,6 +17,7 @@ from analytic import buckling
 from geometry.design import BadInput, Design
 from geometry.loads import Magnet
 from geometry.messages import Progress
+from studies.inputs.option_groups import Elements
 from studies.output import page_templates
 from studies.output.figures import LOG, Figure, long, numbers, picture, styles
 from studies.output.records import FlatRow
@@ -57,15 +58,15 @@ NEAR = 0.1
 """Relative difference up to which the report calls a formula close to the finite elements."""
 
 
-def at_design(design: Design, magnet: Magnet, accuracy: str, depth: float | None, progress: Progress) -> Result:
+def at_design(design: Design, elements: Elements, depth: float | None, progress: Progress) -> Result:
     """Find the critical depths of a free and of a guided tip; at a depth, mm, also solve a small shear."""
-    from fem.accuracy import LEVELS
     from fem.analyses import small_shear
 
+    level, magnet = elements.level, elements.magnet
     # a depth out of range is refused here, before the searches, which take seconds
     if depth is not None:
         small_shear.check_depth(design, depth, magnet)
-    level, haringx = LEVELS[accuracy], buckling.haringx(design)
+    haringx = buckling.haringx(design)
     verdict, free, guided = _searches(design, magnet, level, progress)
     texts: FlatRow = {}
     record: FlatRow = {
@@ -169,15 +170,13 @@ def _is_near(depth: float, critical: float | None, error: float | None) -> bool:
     return critical is not None and (error is None or abs(depth / critical - 1) <= error)
 
 
-def over_slenderness(
-    design: Design, magnet: Magnet, accuracy: str, slenderness: Sequence[float], progress: Progress
-) -> Result:
+def over_slenderness(design: Design, elements: Elements, slenderness: Sequence[float], progress: Progress) -> Result:
     """Find the critical depths of a free and of a guided tip at each L/D, one row each, beside the formulas.
 
     A row of a length that the design refuses has the status refused and no numbers. Ctrl-C leaves the rows that are
     complete.
     """
-    if magnet == "ignored":
+    if elements.magnet == "ignored":
         design = replace(design, magnet_diameter=0.0, magnet_height=0.0, magnet_edge_radius=0.0)
     rows: list[FlatRow] = []
     first = ("L_over_D", "status", "critical_depth_mm", "critical_force_N")
@@ -185,7 +184,7 @@ def over_slenderness(
     try:
         for i, ratio in enumerate(slenderness):
             progress(i / len(slenderness), f"L/D = {ratio:g}")
-            rows.append(_row(design, magnet, accuracy, ratio))
+            rows.append(_row(design, elements, ratio))
     except KeyboardInterrupt:
         text = f"{len(rows)} of {len(slenderness)} lengths are complete, and no file is written"
         raise Interrupted(text, Result(title=table.title, records=rows, shown=[table])) from None
@@ -200,15 +199,13 @@ def over_slenderness(
     )
 
 
-def _row(design: Design, magnet: Magnet, accuracy: str, ratio: float) -> FlatRow:
-    from fem.accuracy import LEVELS
-
+def _row(design: Design, elements: Elements, ratio: float) -> FlatRow:
     length = ratio * design.D
-    row: FlatRow = {"L_over_D": ratio, "L_mm": length, "magnet": magnet, "status": "refused"}
+    row: FlatRow = {"L_over_D": ratio, "L_mm": length, "magnet": elements.magnet, "status": "refused"}
     row |= {**dict.fromkeys(COLUMNS), "message": ""}
     try:
         beam = replace(design, L=length, l0=length)
-        verdict, free, guided = _searches(beam, magnet, LEVELS[accuracy])
+        verdict, free, guided = _searches(beam, elements.magnet, elements.level)
         loads = {name: load(beam) for name, load in FORMULAS.items()}
         depths = {f"{name}_depth_mm": buckling.depth(beam, load) for name, load in loads.items()}
     except BadInput as error:

@@ -48,7 +48,7 @@ def study(design: Design, options: Cycle, made: Made | None = None) -> Callable[
     if options.gap is not None:
         loading_cycles.check_gap(design, options.gap)
     # a load that is impossible comes first: its stroke decides the frequency
-    check_load(design, motion.largest, options.magnet)
+    check_load(design, motion.largest, options.elements.magnet)
     holds = [hold] if hold else []
     warnings = check_range(design, times=holds, frequencies=[motion.frequency], beyond=options.extrapolate)
     return partial(run, design, motion, options, warnings, made)
@@ -66,7 +66,7 @@ def run(
 
     The result repeats `warnings`, those of the options. Ctrl-C leaves the loops of the cycles that are complete.
     """
-    accuracy, magnet, gap = options.accuracy, options.magnet, options.gap
+    accuracy, magnet, gap = options.elements.accuracy, options.elements.magnet, options.gap
     cycles: Cycles | None = None
     interrupted: list[Cycles] = []
     try:

@@ -22,7 +22,7 @@ from geometry.design import BadInput, Design
 from geometry.loads import Load, Magnet, check_load
 from geometry.messages import Progress
 from geometry.relaxation import Relaxation, check_range, relaxation_notes
-from studies.inputs.option_groups import Vibration
+from studies.inputs.option_groups import Elements, Vibration
 from studies.mechanics import resonance_peaks
 from studies.mechanics.resonance_peaks import ACCURATE, BAND, Gain, bandwidth, flat_to, peaks
 from studies.output import page_templates
@@ -71,8 +71,8 @@ def study(design: Design, options: Vibration) -> Callable[[Progress], Result]:
     else:
         # the free sensor touches no plate, whose friction and tilt would count
         load = Load(depth, shear, shear_y, friction=contact if depth else "none", plate_tilt=tilt if depth else 0.0)
-    check_load(design, load, options.magnet)
-    return partial(run, design, load, band, options.count, options.magnet, options.accuracy, warnings)
+    check_load(design, load, options.elements.magnet)
+    return partial(run, design, load, band, options.count, options.elements, warnings)
 
 
 def read_band(text: str) -> tuple[float, float]:
@@ -96,8 +96,7 @@ def run(
     load: Load,
     band: tuple[float, float],
     count: int,
-    magnet: Magnet,
-    accuracy: str,
+    elements: Elements,
     warnings: Sequence[str],
     progress: Progress,
 ) -> Result:
@@ -107,9 +106,7 @@ def run(
     count : number of frequencies in the band, Hz, evenly log-spaced; the table has the resonances too.
     warnings : those of the options, which the result repeats.
     """
-    from fem.accuracy import LEVELS
-
-    level = LEVELS[accuracy]
+    level, magnet = elements.level, elements.magnet
     try:
         motions, tables, pictures, at_rest = _solve(design, load, band, count, level, magnet, progress)
         notes = _notes(design, load, at_rest, magnet, level)
@@ -400,25 +397,22 @@ def rungs(motion: str, models: Models, finite_elements: Response, band: tuple[fl
 # Natural frequencies
 
 
-def natural_frequencies(
-    design: Design, magnet: Magnet, count: int, depth: float, accuracy: str, progress: Progress
-) -> Result:
+def natural_frequencies(design: Design, count: int, depth: float, elements: Elements, progress: Progress) -> Result:
     """Compute the natural frequencies of the free sensor, or of one pressed to a depth, mm.
 
     The record has lists with a value for each mode, in rising order, which are empty if the status is "failed": the
     press does not reach the depth, or has no natural frequencies there.
     """
-    from fem.accuracy import LEVELS
     from fem.analyses.modes import MOST as MOST_MODES
     from fem.analyses.modes import modes, spring_mass
 
     if not 1 <= count <= MOST_MODES:
         raise BadInput(f"--count must be between 1 and {MOST_MODES}; got {count}")
-    check_load(design, Load(depth=depth), magnet)
+    check_load(design, Load(depth=depth), elements.magnet)
     progress(0.0, "modes of the pressed sensor" if depth else "modes of the free sensor")
     found: FlatRow = {"frequency_Hz": [], "frequency_error_estimate": [], "shape": []}
     try:
-        solution = modes(design, magnet, count, depth=depth, accuracy=LEVELS[accuracy])
+        solution = modes(design, elements.magnet, count, depth=depth, accuracy=elements.level)
     except BadInput as error:
         status, message = "failed", str(error)
     else:

@@ -17,7 +17,7 @@ from geometry import design_digest
 from geometry.design import BadInput, Design
 from geometry.loads import ANSWERED, Load, Magnet
 from geometry.messages import Progress
-from studies.inputs.option_groups import Method
+from studies.inputs.option_groups import Method, Wanted
 from studies.inputs.user_input import AccuracyName, parse_tolerance
 from studies.mechanics import model_choice
 from studies.mechanics.model_choice import UNMET, Choice, percent
@@ -60,7 +60,7 @@ def run(
     the depth that it has to find.
     """
     options: dict[str, Any] = {"out": out, "picture": picture, "progress": progress, "targets": targets}
-    if method.tolerance is None:
+    if method.wanted.tolerance is None:
         title, rows = TITLES["fem"], load_cases.solve(design, loads, method, **options)
     else:
         tolerance = check(method)
@@ -87,9 +87,14 @@ def check(method: Method) -> float:
     """Return the tolerance of a method, a fraction; refuse options that it decides."""
     model = None if method.model == "auto" else method.model
     check_alone(
-        {"--accuracy": method.accuracy, "--model": model, "--harmonics": method.harmonics, "--mesh": method.mesh}
+        {
+            "--accuracy": method.wanted.accuracy,
+            "--model": model,
+            "--harmonics": method.harmonics,
+            "--mesh": method.mesh,
+        }
     )
-    return parse_tolerance(method.tolerance or "")
+    return parse_tolerance(method.wanted.tolerance or "")
 
 
 def solve(design: Design, loads: list[Load], method: Method, choice: Choice, **options: Any) -> Generator[FlatRow]:
@@ -104,7 +109,7 @@ def solve(design: Design, loads: list[Load], method: Method, choice: Choice, **o
         return
     while True:
         accuracy = cast(AccuracyName, choice.level_or_accuracy)
-        states = load_cases.solve(design, loads, replace(method, accuracy=accuracy, tolerance=None), **options)
+        states = load_cases.solve(design, loads, replace(method, wanted=Wanted(accuracy=accuracy)), **options)
         rows = [_checked(row, design, loads[0], choice) for row in states]
         lost = next((row["message"] for row in rows if row["status"] == UNMET), "")
         finer = model_choice.finer(design, loads, choice, method.magnet) if lost else None

@@ -14,7 +14,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from itertools import product
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any, cast, get_args
 
 import numpy as np
 import pandas as pd
@@ -29,6 +29,8 @@ from geometry.design import paper
 from geometry.loads import Load, Magnet
 from geometry.messages import Progress
 from geometry.relaxation import relaxation_of
+from studies.inputs.option_groups import Elements
+from studies.inputs.user_input import AccuracyName
 from studies.mechanics import loading_cycles
 from studies.mechanics.cycle_motion import Motion
 from studies.output import page_templates
@@ -341,7 +343,8 @@ def response_figures(accuracy: Accuracy) -> Row:
     accurate_with_loss_to_Hz both readings change by less than 5 %.
     """
     design, load, band = paper(), Load(VALUES["vibration_depth"], friction="stick"), tuple(VALUES["vibration_band"])
-    result = vibration_report.run(design, load, (band[0], band[1]), 2, "rigid", accuracy.name, [], lambda *_: None)
+    elements = Elements(accuracy=cast(AccuracyName, accuracy.name))
+    result = vibration_report.run(design, load, (band[0], band[1]), 2, elements, [], lambda *_: None)
     z, x = (next(one for one in result.records if one["motion"] == axis) for axis in "zx")
     read = [(z, z["element"].index("S1")), (x, x["element"].index("S2"))]
     gains = [motion["relative_reading_at_600"][k] or math.nan for motion, k in read]
