@@ -11,6 +11,7 @@ import pytest
 from analytic import beam, hall
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load
+from studies.inputs.option_groups import Sampling, Solves
 from studies.mechanics import surrogate_response
 from studies.sensitivity import sensitivity_study
 from studies.sensitivity.beam_motions import QUANTITIES, Press, motions, names, readings, sampled_outputs
@@ -38,11 +39,8 @@ def morris(tmp_path):
             ranges=ranges,
             load=load,
             methods=("morris",),
-            model="finite",
-            accuracy="quick",
-            trajectories=trajectories,
-            store=tmp_path / "solved.sqlite",
-            workers=0,
+            sampling=Sampling(model="finite", accuracy="quick", trajectories=trajectories),
+            solves=Solves(store=tmp_path / "solved.sqlite", workers=0),
         )
         return sensitivity_study.morris(request)
 
@@ -76,7 +74,7 @@ def test_the_finding_names_what_matters_most_and_is_unknown_where_intervals_over
 
 def test_sobol_indices_of_the_papers_press_have_their_closed_form():
     """F = E g(d) with (5) and (7): the variance of a product of independent factors."""
-    rows = sobol(study_of({"E": (0.5, 1.5), "depth": (0.5, 1.5)}, model="paper", seed=1)).rows
+    rows = sobol(study_of({"E": (0.5, 1.5), "depth": (0.5, 1.5)}, sampling=Sampling(model="paper", seed=1))).rows
     d = np.linspace(0.5, 1.5, 100_001)
     g = math.pi * (8 * d - d**2) * d / 9
     of_E, of_g = (1 / 12) * g.mean() ** 2, g.var()

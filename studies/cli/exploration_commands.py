@@ -16,8 +16,8 @@ from cyclopts import Parameter
 from geometry.bad_input import no_effect
 from geometry.design import BadInput, Design
 from geometry.messages import Progress
-from studies.cli.parameters import Call, OwnStore, Scheduler, Source, Workers, say_if_without_magnet, verb
-from studies.inputs.option_groups import Calibration, Sensitivity, Solving, Sweep, Whole
+from studies.cli.parameters import Call, Source, say_if_without_magnet, verb
+from studies.inputs.option_groups import Calibration, Sensitivity, Solves, Sweep, Whole
 from studies.inputs.user_input import warn_of_values
 from studies.output import atomic_files, console, own_files, provenance
 from studies.output.result import FAILED, GOOD, Destination, Result, check_files, of_record, publish, show
@@ -41,13 +41,19 @@ def sweep(
     /,
     *,
     options: Sweep = Sweep(),
-    solving: Solving = Solving(),
+    solves: Solves = Solves(),
+    retry_failed: bool = False,
 ) -> int:
     """Run finite elements and formulas over many designs and loads, one row per case.
 
     Run a study by magtip sweep STUDY.toml, or without a file by magtip sweep --axis D=6,8,10 --depth 1. Options
     override the values of a study. Solved states are kept: no sweep solves a state again. The exit status is 3 if a
     case has another status than ok; all have their rows all the same.
+
+    Parameters
+    ----------
+    retry_failed
+        Solve again the cases whose process died.
     """
     from studies.mechanics.executor import SchedulerLost
     from studies.mechanics.solve_plan import Processes
@@ -55,18 +61,18 @@ def sweep(
     from studies.sweeps.sweep_columns import SweepColumns
 
     here = call.here(study.FILES, [options.design])
-    processes = Processes(solving.workers, solving.scheduler, solving.retry_failed)
+    processes = Processes(solves.workers, solves.scheduler, retry_failed)
     plan = study.plan_of(source, options, call.sets)
     warn_of_values(plan.design)
     check_files(here)
-    atomic_files.check_apart([solving.store], here.inputs)
+    atomic_files.check_apart([solves.store], here.inputs)
     if plan.magnet == "rigid" and plan.fem:
         say_if_without_magnet(plan.design)
     shown = study.Shown(plan)
     try:
         with (
             console.progress(as_json=call.as_json) as progress,
-            study.opened(plan, call.out, progress, processes, solving.store) as batches,
+            study.opened(plan, call.out, progress, processes, solves.store) as batches,
         ):
             for batch in batches:
                 for row in shown.add(batch):
@@ -92,9 +98,6 @@ def sensitivity(
     call: Call,
     *,
     options: Sensitivity,
-    store: OwnStore = None,
-    workers: Workers = None,
-    scheduler: Scheduler = None,
 ) -> int:
     """Show which input matters most, and how much made sensors differ within their tolerances.
 
@@ -116,16 +119,10 @@ def sensitivity(
         methods=chosen,
         tolerances=sizes,
         parts=part_tolerances.parts_of_file(design, call.source),
-        model=options.model,
-        accuracy=options.accuracy,
-        points=options.count,
-        trajectories=options.trajectories,
-        sensors=options.sensors,
-        seed=options.seed,
-        store=store,
-        workers=workers,
-        scheduler=scheduler,
+        sampling=options.sampling,
+        solves=options.solves,
     )
+    store = options.solves.store
     if store is not None and "morris" not in chosen:
         raise BadInput("--store works with the method morris only: add it to --methods, or leave --store out")
     atomic_files.check_apart([store], [call.source])

@@ -17,7 +17,6 @@ from cyclopts import App, Parameter
 from geometry.design import PRESETS, Design
 from geometry.loads import Magnet
 from studies.inputs import user_input
-from studies.inputs.option_groups import Whole
 from studies.output import console
 from studies.output.result import Destination
 
@@ -33,14 +32,6 @@ Wide = Annotated[
     Parameter(name="--wide", help="Show all columns of a table; default: as many main columns as fit."),
 ]
 KEYWORD, POSITIONAL = inspect.Parameter.KEYWORD_ONLY, inspect.Parameter.POSITIONAL_ONLY
-OwnStore = Annotated[
-    Path | None,
-    Parameter(
-        help="File of solved states; default: that of the user, which the environment variable MAGTIP_STORE can name."
-    ),
-]
-Workers = Annotated[Whole | None, Parameter(help="Number of processes that solve; default: one for each core.")]
-Scheduler = Annotated[str | None, Parameter(help="Address of a Dask scheduler whose workers solve.")]
 
 
 class Call:

@@ -216,7 +216,7 @@ def compare(
         within_tolerance.check_alone({"--accuracy": wanted.accuracy})
         chosen = within_tolerance.choose_accuracy(design, study.default_loads(design), wanted.tolerance)
         within_tolerance.say(chosen)
-    level = LEVELS[chosen.level_or_accuracy if chosen else wanted.level]
+    level = LEVELS[chosen.level_or_accuracy if chosen else wanted.name]
     options: dict[str, Any] = {"chosen": chosen, "accuracy": level}
     return publish(lambda progress: study.run(design, progress=progress, **options), here)
 

@@ -193,8 +193,8 @@ class Wanted:
     tolerance: Tolerance | None = None
 
     @property
-    def level(self) -> AccuracyName:
-        """The accuracy, or its default."""
+    def name(self) -> AccuracyName:
+        """The name of the accuracy, or of its default."""
         return self.accuracy or "standard"
 
 
@@ -487,7 +487,7 @@ class Sweep:
 
 
 @_options
-class Solving:
+class Solves:
     """Where states are solved and kept."""
 
     store: StoreFile | None = None
@@ -495,8 +495,24 @@ class Solving:
     """Number of processes that solve; default: one for each core, or none if all solves take only seconds."""
     scheduler: str | None = None
     """Address of a Dask scheduler, such as tcp://127.0.0.1:8786, whose workers solve."""
-    retry_failed: bool = False
-    """Solve again the cases whose process died."""
+
+
+@_options
+class Sampling:
+    """Models, and sizes, of the methods of a study of tolerances."""
+
+    model: str = "surrogate"
+    """Model of sobol and montecarlo: surrogate, or a level of the formulas (paper, column, tip, magnet, finite)."""
+    accuracy: AccuracyName = "standard"
+    """Accuracy of the finite elements of morris."""
+    count: Whole = 1024
+    """Number of base points of sobol, a power of 2; each needs a point more for every input, and one more."""
+    trajectories: Whole = 10
+    """Number of trajectories of morris; each has a solve for every input, and one more."""
+    sensors: Whole = 1000
+    """Number of made sensors of montecarlo."""
+    seed: Whole = 0
+    """Seed of all random numbers, 0 or more."""
 
 
 @_options
@@ -513,18 +529,8 @@ class Sensitivity:
     """Any of sobol, morris and montecarlo, separated by commas."""
     tolerances: Tolerances | None = None
     """Tolerance of a made sensor, NAME=VALUE, such as E=5 (percent) or magnet_x=0.1 (mm); repeatable."""
-    model: str = "surrogate"
-    """Model of sobol and montecarlo: surrogate, or a level of the formulas (paper, column, tip, magnet, finite)."""
-    accuracy: AccuracyName = "standard"
-    """Accuracy of the finite elements of morris."""
-    count: Whole = 1024
-    """Number of base points of sobol, a power of 2; each needs a point more for every input, and one more."""
-    trajectories: Whole = 10
-    """Number of trajectories of morris; each has a solve for every input, and one more."""
-    sensors: Whole = 1000
-    """Number of made sensors of montecarlo."""
-    seed: Whole = 0
-    """Seed of all random numbers, 0 or more."""
+    sampling: Sampling = Sampling()
+    solves: Solves = Solves()
 
 
 @_options

@@ -26,7 +26,7 @@ from geometry.loads import ANSWERED
 from geometry.messages import Progress
 from studies import cases
 from studies.inputs import study_input, user_input
-from studies.inputs.user_input import AccuracyName
+from studies.inputs.option_groups import Sampling, Solves
 from studies.output import page_templates
 from studies.output.figures import picture
 from studies.output.records import FlatRow
@@ -61,8 +61,7 @@ MOST_NAMED = 3
 class Request:
     """A sensitivity study that is ready to run: what a method would refuse is refused before another one computes.
 
-    `model` is that of sobol and montecarlo, and of failed cases of morris; `accuracy` is that of morris' finite
-    elements, and store, workers and scheduler are those of `studies.cases.answer`.
+    The model of sobol and montecarlo answers failed cases of morris, too; `solves` are those of morris.
     """
 
     design: Design
@@ -71,24 +70,18 @@ class Request:
     methods: Sequence[str] = ("sobol", "montecarlo")
     tolerances: Tolerances = dataclasses.field(default_factory=tolerances)
     parts: Parts | None = None
-    model: str = beam_motions.SURROGATE
-    accuracy: AccuracyName = "standard"
-    points: int = 1024
-    trajectories: int = 10
-    sensors: int = 1000
-    seed: int = 0
-    store: Path | None = None
-    workers: int | None = None
-    scheduler: str | None = None
+    sampling: Sampling = dataclasses.field(default_factory=Sampling)
+    solves: Solves = dataclasses.field(default_factory=Solves)
 
     def __post_init__(self) -> None:
+        sampling = self.sampling
         for name in self.methods:
             if name not in METHODS:
                 raise BadInput(f"--methods: there is no method {name!r}: {nearest(name, METHODS)}")
-        if self.model not in MODELS:
-            raise BadInput(f"--model: there is no model {self.model!r}: {nearest(self.model, MODELS)}")
-        if not self.seed >= 0:
-            raise BadInput(f"--seed must be 0 or more; got {self.seed}")
+        if sampling.model not in MODELS:
+            raise BadInput(f"--model: there is no model {sampling.model!r}: {nearest(sampling.model, MODELS)}")
+        if not sampling.seed >= 0:
+            raise BadInput(f"--seed must be 0 or more; got {sampling.seed}")
         if tuple(self.methods) != ("montecarlo",):
             if not self.ranges:
                 raise BadInput("no input varies: add --vary NAME=low:high")
@@ -100,11 +93,11 @@ class Request:
             if "shear" in self.ranges and self.load.shear:
                 raise BadInput("shear is given twice, by --shear and by --vary: leave one of them out")
         if "sobol" in self.methods:
-            global_sensitivity.check_count(self.ranges, self.points)
+            global_sensitivity.check_count(self.ranges, sampling.count)
         if "morris" in self.methods:
-            global_sensitivity.check_trajectories(self.ranges, self.trajectories)
+            global_sensitivity.check_trajectories(self.ranges, sampling.trajectories)
         if "montecarlo" in self.methods:
-            made_sensors.check_draw(self.design, self.sensors, self.seed)
+            made_sensors.check_draw(self.design, sampling.sensors, sampling.seed)
 
     @property
     def sheared(self) -> bool:
@@ -113,7 +106,7 @@ class Request:
 
     def answered(self, points: Array) -> tuple[dict[str, tuple[Array, Array]], tuple[str, ...]]:
         """Return the outputs of the fast model at points of the inputs, see `sampled_outputs`."""
-        return sampled_outputs(self.model, self.design, self.ranges, points, self.load, sheared=self.sheared)
+        return sampled_outputs(self.sampling.model, self.design, self.ranges, points, self.load, sheared=self.sheared)
 
 
 def ranges_of(design: Design, vary: Sequence[str], methods: Sequence[str], sizes: Tolerances) -> Ranges:
@@ -184,10 +177,10 @@ class Found:
 
 def sobol(request: Request) -> Found:
     """Return the Sobol indices of all outputs for the ranges of the inputs."""
-    design, ranges, seed = request.design, request.ranges, request.seed
-    points = global_sensitivity.saltelli_points(ranges, request.points, seed)
+    design, ranges, seed = request.design, request.ranges, request.sampling.seed
+    points = global_sensitivity.saltelli_points(ranges, request.sampling.count, seed)
     outputs, refusals = request.answered(points)
-    lengths = beam_motions.error_lengths(request.model, design)
+    lengths = beam_motions.error_lengths(request.sampling.model, design)
     rows, doubtful = [], []
     for name, (values, half_width) in outputs.items():
         # what is rounding only is no share
@@ -200,7 +193,7 @@ def sobol(request: Request) -> Found:
         error = float(np.median(half_width[known])) / deviation if deviation and stated else None
         doubtful += [titled(name)] if error is not None and error > 1 else []
         last: FlatRow = {"mean": mean, "standard_deviation": deviation, "model_error_over_deviation": error}
-        last |= {"model": request.model}
+        last |= {"model": request.sampling.model}
         rows += _rows("sobol", ranges, name, table, values, last)
     doubt = (
         f"do not read the indices of {', '.join(doubtful)}: the model's error exceeds the variation of the output, "
@@ -214,18 +207,18 @@ def morris(request: Request, progress: Progress | None = None) -> Found:
     import pandas as pd
 
     design, ranges, load = request.design, request.ranges, request.load
-    points = global_sensitivity.trajectories(ranges, request.trajectories, request.seed)
+    points = global_sensitivity.trajectories(ranges, request.sampling.trajectories, request.sampling.seed)
     fixed = {name: getattr(load, name) for name in ("depth", "shear") if name not in ranges and getattr(load, name)}
     inputs = pd.DataFrame(points, columns=[study_input.column(name) for name in ranges])
     read, tilt = design.shape.has_magnet, request.sheared
     table = cases.answer(
         inputs.assign(**{study_input.column(name): value for name, value in fixed.items()}),
-        [f"fem:{request.accuracy}"],
+        [f"fem:{request.sampling.accuracy}"],
         base=design,
         quantities=["force", "shift", "contact_radius", *["readings"] * read, *["tilt"] * tilt],
-        store=request.store,
-        workers=request.workers,
-        scheduler=request.scheduler,
+        store=request.solves.store,
+        workers=request.solves.workers,
+        scheduler=request.solves.scheduler,
         progress=progress,
     )
     ok = table["status"].isin(ANSWERED)
@@ -236,9 +229,9 @@ def morris(request: Request, progress: Progress | None = None) -> Found:
         values = np.where(ok, table[f"fem_{name}"].astype(float), np.nan)
         substitute = np.full(len(points), np.nan)
         substitute[lost] = stand_ins[name][0] if stand_ins else np.nan
-        effects = global_sensitivity.effects(ranges, points, values, substitute, request.seed)
+        effects = global_sensitivity.effects(ranges, points, values, substitute, request.sampling.seed)
         effects["effect_unit"] = f"{heading(name)[1] or name.rpartition('_')[2]} per full range"
-        rows += _rows("morris", ranges, name, effects, values, {"model": f"fem {request.accuracy}"})
+        rows += _rows("morris", ranges, name, effects, values, {"model": f"fem {request.sampling.accuracy}"})
     failed, unstable = table[~ok], table["message"][table["status"] == "unstable"]
     doubt = f"{len(unstable)} of {len(table)} states are unstable, the first one because {next(iter(unstable), '')}"
     return Found(
@@ -272,12 +265,17 @@ def _known(row: Mapping[Any, Any]) -> FlatRow:
 
 def monte_carlo(request: Request) -> Found:
     """Return the spread of the calibrations of made sensors."""
-    sensors = made_sensors.made_sensors(request.design, request.tolerances, request.sensors, request.seed)
-    axes = spread_of(sensors, request.load, request.model)
+    sampling = request.sampling
+    sensors = made_sensors.made_sensors(request.design, request.tolerances, sampling.sensors, sampling.seed)
+    axes = spread_of(sensors, request.load, sampling.model)
     unit = "V" if element_columns(request.design)[1] == "V" else "T"
     rows = []
     for name, axis in axes.items():
-        last = {"sensors": len(axis.refusals), "failed": sum(map(bool, axis.refusals)), "model": request.model}
+        last = {
+            "sensors": len(axis.refusals),
+            "failed": sum(map(bool, axis.refusals)),
+            "model": sampling.model,
+        }
         last |= {"model_error_percent": 100 * axis.model_error, "message": axis.message}
         for quantity, share in itertools.product(axis.made, SHARES):
             row = {

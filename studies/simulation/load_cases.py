@@ -82,7 +82,7 @@ def ineffective_options(motion: Motion, method: Method) -> list[tuple[str, str]]
     sideways = (motion.shear, motion.shear_y, motion.shear_force, motion.shear_force_y)
     if motion.friction == "stick" and not any(sideways):
         options.append(("--friction stick", "it acts only during a shear, and this load has none"))
-    if method.mesh is not None and method.wanted.level != "standard" and motion.grip is None:
+    if method.mesh is not None and method.wanted.name != "standard" and motion.grip is None:
         options.append(("--accuracy", "the mesh comes from --mesh"))
     return options
 
@@ -266,7 +266,7 @@ def _level(loads: list[Load], method: Method) -> Accuracy:
     from fem import accuracy as accuracy_levels
     from fem.scene import MOST_HARMONICS, choose_model
 
-    level, harmonics = accuracy_levels.LEVELS[method.wanted.level], method.harmonics
+    level, harmonics = accuracy_levels.LEVELS[method.wanted.name], method.harmonics
     if harmonics is None:
         return level
     if not 0 <= harmonics <= MOST_HARMONICS:
