@@ -201,10 +201,10 @@ def apply_increment(
     turned = answer.converged and turns_over(state, position, answer.state.u)
     if not answer.converged or doubtful or turned:
         return Reached(replace(state, past=(), smooth=False), answer.reason or "no_convergence", answer.iterations)
-    onset, more = state.onset, 0
-    if first and onset is None:
+    after, more = _accept(state, answer, position, plate), 0
+    if first and state.onset is None:
         onset, more = _bracket_onset(tangent, replace(state, friction=plate.friction), answer, position)
-    after = replace(_accept(state, answer, position, plate), onset=onset)
+        after = replace(after, onset=onset, before_onset=after.past[-1])
     return Reached(after, "", answer.iterations + more)
 
 

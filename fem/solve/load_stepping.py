@@ -36,7 +36,7 @@ from fem.solve.load_increments import (
     turns_over,
 )
 from fem.solve.newton import TOLERANCE
-from fem.solve.path_state import PastState, PathState, at_rest, glue, with_harmonics, with_predictor
+from fem.solve.path_state import PathState, at_rest, glue, with_harmonics, with_predictor
 from geometry.arrays import Array
 
 CLOSE = 0.004
@@ -205,20 +205,12 @@ def predict(tangent: KeptTangent, predicting: KeptTangent, state: PathState, goa
     position, q = goal, ahead.state.q
     # another number of unstable directions means another branch: the prediction serves up to the onset only
     if ahead.state.stability != state.stability:
-        last = _last_before_onset(ahead.state)
-        if last is None:
+        last = ahead.state.before_onset
+        if last is None or before.onset is not None:
             return state, ahead.iterations
         position, q = last.position, last.q
     after, iterations = _correct(tangent, state, added + raise_harmonics(low, high, q), position)
     return after, ahead.iterations + iterations
-
-
-def _last_before_onset(state: PathState) -> PastState | None:
-    """Return the state before a state if the path became unstable in between; None otherwise."""
-    if state.onset is None or not state.past:
-        return None
-    last, along = state.past[-1], state.position - state.past[-1].position
-    return last if (state.onset[0] - last.position) @ along >= 0 else None
 
 
 def _correct(tangent: KeptTangent, state: PathState, guess: Array, goal: Array) -> tuple[PathState, int]:

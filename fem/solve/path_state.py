@@ -49,6 +49,7 @@ class PathState:
     least_J : least volume ratio J at the integration points; NaN where not computed.
     stability : stable, unstable with a number of directions, or unknown.
     onset : positions (before, after) between which the first unstable direction appeared, or None.
+    before_onset : last state before it, or None.
     smooth : whether no increment from rest on has failed or taken long (`fem.solve.load_increments.SMOOTH`).
     sheared : whether plate or grip have ever moved sideways.
     bond : the tied points, or None.
@@ -70,6 +71,7 @@ class PathState:
     least_J: float = math.nan
     stability: Stability = UNKNOWN
     onset: tuple[Array, Array] | None = None
+    before_onset: PastState | None = None
     smooth: bool = True
     sheared: bool = False
     bond: Bond | None = None
