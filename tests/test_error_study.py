@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from conftest import ROUGH
 
 from fem import equilibrium
 from fem.accuracy import LEVELS, QUICK
@@ -182,7 +183,7 @@ def test_an_unknown_estimate_covers_nothing_and_states_without_a_comparison_miss
 
 def analysed(scene):
     """The rows of the paper's sensor at level quick against a rough reference, load by load."""
-    one = task(scene)._replace(reference=replace(QUICK, name="reference", section_size=0.12, section_patch=0.01))
+    one = task(scene)._replace(reference=replace(ROUGH, name="reference", harmonics=2))
     return one, [tangent_rows(one, load) for load in one.trial.loads]
 
 
