@@ -238,7 +238,8 @@ def _sized(requirements: Requirements, settings: Settings, progress: Progress) -
         local = None if processes.scheduler else workers
         if bounds := conflicts.impossible(requirements, catalogues):
             return sizing(0, 0, [], None, conflicts.excluded(requirements, bounds, proof, local, progress))
-        found = searched(requirements, catalogues, settings.effort, part_of(progress, 0.0, SEARCHED))
+        first = part_of(progress, 0.0, SEARCHED)
+        found = searched(requirements, catalogues, settings.effort, first, workers=workers)
         candidates = sum(pool.rated for pool in found)
         options = {"store": store, "workers": workers}
         if not any((pool.violation == 0).any() for pool in found):

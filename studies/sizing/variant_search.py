@@ -17,7 +17,8 @@ import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,11 +27,18 @@ from geometry.arrays import Array, Ints
 from geometry.design import BadInput
 from geometry.messages import Progress
 from studies.mechanics import surrogate_range
+from studies.mechanics.tasks import finished
 from studies.parts.catalogues import Catalogues
 from studies.parts.requirements import AT_LEAST, Requirements
 from studies.sizing.candidate_performance import LEAST, Performance, missed, performance
 from studies.sizing.candidate_variables import ROUNDING, Candidates, Space, joined
 from studies.sizing.sensor_arrays import sensors_of
+
+if TYPE_CHECKING:
+    from studies.mechanics.tasks import Executor
+
+SECONDS = 5e-4
+"""Time of a search for each candidate of a generation, s."""
 
 RESOLUTION = 0.005
 """Relative difference of two values of an objective from which on they differ."""
@@ -412,16 +420,21 @@ def searched(
     free: Mapping[str, float] | None = None,
     first_met: bool = False,
     start: Sequence[Found] = (),
+    workers: Executor | None = None,
 ) -> list[Found]:
     """Return the pools of both kinds of Hall parts; of a free force (see `Rating`), candidates take a share.
 
     first_met : end with the first candidate that meets all requirements.
     start : pools of an earlier search among the same parts, with whose candidates this one begins.
+    workers : search several kinds of Hall parts side by side, in place of `first_met` and `start`.
     """
     least = {"force_z": max(needed.least_press / needed.force_z, LEAST_SHARE), "force_x": LEAST_SHARE}
     kinds = spaces(needed, catalogues, {FORCES.index(name): least[name] for name in free or () if name in FORCES})
     found: list[Found] = []
     ratings = [Rating(needed, free) for _ in kinds]
+    if workers is not None and len(kinds) > 1:
+        found, ratings = _side_by_side(list(zip(kinds, ratings, strict=True)), effort, workers, progress)
+        kinds = []
     for number, space in enumerate(kinds):
         first = space.choices[2][0]
         part_used = space.parts.hall_parts[first]
@@ -437,6 +450,25 @@ def searched(
         reason = reasons[0][0] if reasons else "no magnet in use fits into a beam that the surrogate knows"
         raise BadInput(f"no candidate could be rated, so that nothing is known of the requirements: {reason}")
     return found
+
+
+def _side_by_side(
+    kinds: list[tuple[Space, Rating]], effort: Effort, workers: Executor, progress: Progress | None
+) -> tuple[list[Found], list[Rating]]:
+    """Return the pools of spaces, and the ratings, which count in the processes that search."""
+    numbered = list(enumerate(kinds))
+    one = partial(_searched_by_worker, effort=effort)
+    seconds = SECONDS * effort.population * effort.generations
+    each = finished(numbered, one, workers, cost=lambda task: seconds, progress=progress, words="searches")
+    # what a process that died has not found is searched here
+    done = {search.task[0]: search.answer or one(search.task) for search in each}
+    pools, ratings = zip(*(done[number] for number, _ in numbered), strict=True)
+    return list(pools), list(ratings)
+
+
+def _searched_by_worker(task: tuple[int, tuple[Space, Rating]], effort: Effort) -> tuple[Found, Rating]:
+    space, rating = task[1]
+    return search(space, rating, effort), rating
 
 
 def part_of(progress: Progress, low: float, high: float, prefix: str = "") -> Progress:
