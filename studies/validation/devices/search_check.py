@@ -42,7 +42,7 @@ def run(progress: Progress, *, quick: bool = False, draws: int = 100_000, worker
     Parameters
     ----------
     quick
-        Hold the first set against 5000 candidates, as it stands: some seconds instead of an hour.
+        Hold the first set against 5000 candidates, as it stands: a minute or two instead of an hour.
     draws
         Random candidates of each kind of Hall parts.
     workers
