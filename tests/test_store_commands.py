@@ -16,7 +16,7 @@ from geometry.loads import Load
 from studies.inputs.option_groups import Selection
 from studies.mechanics import path_solver, store, store_actions, store_check
 from studies.mechanics.store import State
-from studies.mechanics.store_actions import HEAD
+from studies.mechanics.store_actions import COLUMNS
 from studies.mechanics.timed_quantities import STILL, PlateMotion
 from studies.output import atomic_files
 
@@ -159,8 +159,11 @@ def test_a_state_that_was_changed_in_the_file_is_listed_without_its_answer_and_n
 
 def test_lists_find_states_by_an_index_that_covers_what_they_need(file):
     """100 000 states are listed in under a second only if answers of most of them are not read."""
-    with contextlib.closing(sqlite3.connect(file)) as connection:
-        plan = connection.execute(f"EXPLAIN QUERY PLAN {store_actions.STATES}")
+    with store_actions.reading(file) as connection:
+        statements = []
+        connection.set_trace_callback(statements.append)
+        store_actions.choose(connection, selected(file, "nu=0.45", failed=True))
+        plan = connection.execute(f"EXPLAIN QUERY PLAN {statements[0]}")
         assert "SCAN main.state USING COVERING INDEX state_listing" in [step[-1] for step in plan]
 
 
@@ -171,12 +174,14 @@ def test_values_of_the_accuracy_levels_have_their_names():
 
 
 @pytest.mark.parametrize("kind", ["states", "modes", "critical depth", "response", "cycle"])
-def test_every_value_of_a_content_has_a_column_of_its_own(kind):
+def test_every_value_of_a_content_has_a_column_of_its_own(kind, file):
     load = Load(depth=0.5, shear_x=0.1, friction="stick") if kind == "states" else Load(depth=0.5)
-    content = path_solver.place(Scene(paper(), (load,), QUICK), kind, PlateMotion(frequency=1.0)).content
-    names = [store_actions.named(place) for place, _ in store_actions.places(content | {"accuracy": "quick"})]
-    assert len(names) == len(set(names))
-    assert set(names) <= set(HEAD)
+    place = path_solver.place(Scene(paper(), (load,), QUICK), kind, PlateMotion(frequency=1.0))
+    with store.opened(file) as kept:
+        kept.add(place.content, [PRESSED])
+    with store_actions.reading(file) as connection:
+        assert store_actions.other_columns(connection, "main.state") == {}
+    assert len(COLUMNS) == len(store_actions.NAMES)
 
 
 def test_a_value_that_nobody_has_named_is_a_column_and_a_filter(file, tmp_path):
@@ -187,7 +192,7 @@ def test_a_value_that_nobody_has_named_is_a_column_and_a_filter(file, tmp_path):
         assert listing(file, where)[0]["states"] == 1
     for suffix in ("csv", "parquet", "jsonl"):
         rows = exported(file, tmp_path / f"states.{suffix}")
-        assert [list(row)[len(HEAD) :] for row in rows] == [["load_heat", "contact_pressure_over_E", "side"]] * 5
+        assert [list(row)[len(COLUMNS) :] for row in rows] == [["load_heat", "contact_pressure_over_E", "side"]] * 5
         assert [row["side"] for row in rows] == [None, None, None, None, "left"]
         assert float(rows[-1]["contact_pressure_over_E"]) == 0.7
 
@@ -210,7 +215,7 @@ def exported(file, out, *where):
 @pytest.mark.parametrize("suffix", ["csv", "parquet", "jsonl"])
 def test_an_export_has_all_columns_over_D_and_E(file, tmp_path, suffix):
     rows = exported(file, tmp_path / "out" / f"states.{suffix}")
-    assert [list(row) for row in rows] == [list(HEAD)] * 4
+    assert [list(row) for row in rows] == [list(COLUMNS)] * 4
     pressed, failed, _, rubbed = rows
     values = {name: float(pressed[name]) for name in ("force_x_over_E_D2", "force_z_over_E_D2", "shift_z_over_D")}
     assert values == pytest.approx({"force_x_over_E_D2": 1 / 16, "force_z_over_E_D2": 0.5, "shift_z_over_D": -0.25})
@@ -378,7 +383,7 @@ def resolved(tmp_path, solved):
                 kept.add(place_of(name).content, states)
             for content, states in others:
                 kept.add(content, states)
-        with store.readable(file) as connection:
+        with store_actions.reading(file) as connection:
             rows = store_check.chosen(connection, count, seed)
             return rows, list(store_check.differences(connection, rows, None)) if count > 2 else []
 

@@ -1,8 +1,7 @@
 """What is done with a store's states: their table, filters and lists, its export, their removal.
 
 A state is a row, and every value that is stored a column: of the content of its path, of its own row, and of its
-answer. Lengths are over D, forces over E D^2. Answers, which are most of a file, are read only of the states that are
-shown or written, or if a filter needs them.
+answer. Lengths are over D, forces over E D^2. Contents and answers are JSON, of which SQLite extracts the values.
 """
 
 from __future__ import annotations
@@ -12,11 +11,14 @@ import datetime
 import functools
 import json
 import math
+import re
 import sqlite3
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from fem import physics_version
 from fem.accuracy import LEVELS
@@ -25,13 +27,9 @@ from geometry.design import BadInput
 from geometry.messages import Progress
 from studies.inputs.option_groups import Selection
 from studies.mechanics import store
-from studies.mechanics.store import State
 from studies.mechanics.timed_quantities import TIMED
 from studies.output import atomic_files, provenance, table_files
 from studies.output.records import FlatRow
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 TOLERANCE = 1e-9
 """Difference up to which a number equals the value of a filter: stored numbers have 12 digits."""
@@ -54,14 +52,11 @@ NAMES = {
     "load.lowest": "response_from_2pi_f_D_sqrt_rho_over_E",
     "load.highest": "response_to_2pi_f_D_sqrt_rho_over_E",
     **{f"load.{name}": name for name in ("branches", "modulus", "waveform", "cycles")},
-    "depth": "depth_over_D",
-    "shear": "shear_over_D",
-    "outcome": "outcome",
-    "status": "status",
+    **{name: f"{name}_over_D" for name in ("depth", "shear")},
+    **{name: name for name in ("outcome", "status")},
     **{f"response.force[{k}]": f"force_{AXES[k]}_over_E_D2" for k in range(3)},
     **{f"response.shift[{k}]": f"shift_{AXES[k]}_over_D" for k in range(3)},
-    "response.tilt": "tilt_rad",
-    "response.tilt_y": "tilt_y_rad",
+    **{f"response.{name}": f"{name}_rad" for name in ("tilt", "tilt_y")},
     "response.contact_radius": "contact_radius_over_D",
     "values.critical_depth_over_D": "critical_depth_over_D",
     "values.critical_force_over_ED2": "critical_force_over_E_D2",
@@ -73,44 +68,62 @@ NAMES = {
     "values.gap_percent": "loop_gap_percent",
     "values.area_over_ED3": "loop_area_over_E_D3",
     "values.largest_over_ED2": "loop_largest_force_over_E_D2",
-    "error_estimate": "error_estimate",
-    "seconds": "seconds",
-    "D_mm": "solved_D_mm",
-    "E_MPa": "solved_E_MPa",
+    **{name: name for name in ("error_estimate", "seconds")},
+    **{name: f"solved_{name}" for name in ("D_mm", "E_MPa")},
     **{name: name for name in ("message", "versions", "added")},
 }
 """Columns that every export has, in their order, by the places of their values as SQLite writes them. Whatever
 else is stored has a column too, see `named`."""
-HEAD = tuple(NAMES.values())
 TEXTS = {
     *("quantity", "model", "accuracy", "magnet", "law", "branches", "modulus", "waveform"),
     *("outcome", "status", "message", "versions", "added"),
 }
 """Columns of `NAMES` that hold texts; friction holds texts and numbers."""
+OF_CONTENT = ("quantity", "model", "physics", "estimates", "accuracy", "magnet", "law", "nu", "shape", "load")
+"""Parts of a path's content that `NAMES` has."""
+ROW = ("depth", "shear", "outcome", "status", "seconds", "versions", "added")
+"""Values in the row of a state; others are of its answer."""
 UNNAMED = ("shape.D", "load.count")
 """Values that are no columns: D over D, and the number of modes."""
+PLACE = re.compile(r"\$\.(?P<place>(?!solved\.|accuracy\.)(?P<name>[\w.]+)(\[(?P<index>\d+)\])?)", re.ASCII)
+"""Place of a value that can be a column: that of a problem, or of an accuracy, is none."""
 LONGEST = 6
 """Largest number of values in a list that are columns; a longer list is a curve."""
 DAMAGED = "damaged"
 """Status of a state that is not as it was written, and model of a path whose content is no JSON."""
-KEY = ["path", "depth_over_D", "shear_over_D"]
-"""Columns that tell states apart."""
-# the index has all these columns; SQLite would read the answers too
+CONTENT = "contents.content"
+ANSWER = "iif(json_valid(state.answer), state.answer, '{}')"
+"""SQL of what the columns are extracted from."""
+CONTENTS = (
+    "CREATE TEMPORARY VIEW contents AS SELECT id, key, CAST(content AS BLOB) AS written, iif(json_valid(content)"
+    f" AND ltrim(content) LIKE '{{%', content, '{{\"model\": \"{DAMAGED}\"}}') AS content FROM main.path"
+)
+KIND = ", ".join(f"json_extract(content, '$.{name}')" for name in ("quantity", "model", "physics"))
+"""SQL of what a path is of."""
+IS_DAMAGED = f"is_damaged(CAST(contents.key AS BLOB), contents.written, {store.READ})"
+"""Condition on `state` joined with its `contents`."""
+CHOSEN = (
+    "CREATE TEMPORARY TABLE chosen (path, depth, shear, outcome, seconds, added, unknown,"
+    " PRIMARY KEY (path, depth, shear)) WITHOUT ROWID"
+)
+"""The states that meet the filters, without answers; or of which this is unknown."""
 STATES = (
-    "SELECT path, depth AS depth_over_D, shear AS shear_over_D, CAST(outcome AS TEXT) AS outcome,"
-    " CAST(status AS TEXT) AS status, CAST(seconds AS REAL) AS seconds, CAST(added AS TEXT) AS added"
-    " FROM main.state INDEXED BY state_listing ORDER BY added DESC, path DESC, depth, shear"
+    "(SELECT path, depth, shear FROM chosen{}) CROSS JOIN main.state USING (path, depth, shear)"
+    " JOIN contents ON contents.id = state.path"
 )
-"""The rows of all states without answers and versions, the newest first."""
-ONE = (
-    f"SELECT CAST(key AS BLOB), CAST(content AS BLOB), {store.READ} FROM state JOIN path ON path.id = state.path"
-    " WHERE path = ? AND depth = ? AND shear = ?"
-)
+"""The chosen states with answers and contents, in their order or in another."""
 BATCH = 10_000
 """States that are read and written at once."""
 
 
 # Columns
+
+
+class Column(NamedTuple):
+    """SQL of a column on `state` and `contents`, and whether it holds texts."""
+
+    sql: str
+    of_texts: bool
 
 
 @functools.cache
@@ -125,59 +138,53 @@ def named(place: str) -> str:
     return NAMES.get(place, f"{name}_{int(index) + 1}" if index else name)
 
 
-def places(values: Any, at: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield the places and the values of a content or an answer that are columns.
+def _column(place: str, source: str, *, of_texts: bool) -> Column:
+    name, sql = named(place), f"json_extract({source}, '$.{place}')"
+    D, E = (f" / json_extract({ANSWER}, '$.{value}')" for value in ("D_mm", "E_MPa"))
+    if place in ROW:
+        sql = f"CAST(state.{place} AS {'TEXT' if of_texts else 'REAL'})"
+    elif name == "accuracy":
+        sql = f"accuracy_name({sql})"
+    elif place.startswith("response.") and name.endswith("_over_E_D2"):
+        sql += D + D + E
+    elif place.startswith("response.") and name.endswith("_over_D"):
+        sql += D
+    elif place.startswith("values.frequency"):
+        # f D (rho / E)^(1/2) is stored in mm, MPa and kg/m^3
+        sql += " * 1e-6"
+    return Column(sql, of_texts)
 
-    >>> dict(places({"shape": {"D": 1.0, "L": 1.5}, "law": ["yeoh", 0.1], "grip": None}))
-    {'shape.L': 1.5, 'law[0]': 'yeoh', 'law[1]': 0.1}
-    """
-    if isinstance(values, dict):
-        for name, value in values.items():
-            yield from places(value, f"{at}.{name}" if at else name)
-    elif isinstance(values, list) and len(values) <= LONGEST:
-        for k, value in enumerate(values):
-            yield from places(value, f"{at}[{k}]")
-    elif isinstance(values, str | int | float) and at not in UNNAMED:
-        yield at, values
+
+COLUMNS = {
+    name: _column(place, CONTENT if place.startswith(OF_CONTENT) else ANSWER, of_texts=name in TEXTS)
+    for place, name in NAMES.items()
+}
+"""The columns of `NAMES`."""
 
 
-def content_columns(content: bytes) -> FlatRow:
-    """Return the columns of a path's content; one that is no JSON is of the model "damaged"."""
-    try:
-        # int refuses the NaN and the Infinity of Python, which are no JSON
-        values = dict(json.loads(content, parse_constant=int))
-        if "accuracy" in values:
-            values["accuracy"] = accuracy_name(json.dumps(values["accuracy"]))
-        return {named(place): value for place, value in places(values)}
-    except (ValueError, TypeError, RecursionError):
-        return {"model": DAMAGED}
+def other_columns(connection: sqlite3.Connection, states: str) -> dict[str, Column]:
+    """Return the columns that have values in some states, but those of `NAMES`; `states`: a table in SQL."""
+    columns = {}
+    of_contents = f"contents, json_tree(content) WHERE contents.id IN (SELECT path FROM {states}) AND"
+    for source, tables in ((CONTENT, of_contents), (ANSWER, f"{states}, json_tree({ANSWER}) WHERE")):
+        found = connection.execute(f"SELECT DISTINCT fullkey, type = 'text' FROM {tables} atom IS NOT NULL")
+        places = [(match, text) for key, text in found if (match := PLACE.fullmatch(key.replace('"', "")))]
+        texts = {match["place"] for match, text in places if text}
+        curves = {match["name"] for match, _ in places if int(match["index"] or 0) >= LONGEST}
+        for match, _ in places:
+            place = match["place"]
+            if place not in NAMES and place not in UNNAMED and match["name"] not in curves:
+                columns[named(place)] = _column(place, source, of_texts=place in texts)
+    return columns
 
 
 @functools.cache
-def accuracy_name(values: str) -> str:
+def accuracy_name(values: str | None) -> str | None:
     """Return the name of the accuracy level with these values (JSON), or other."""
+    if values is None:
+        return None
     wanted = {"coarseness": 1.0, "tolerance_factor": 1.0} | json.loads(values)
     return next((name for name, level in LEVELS.items() if asdict(level) == wanted | {"name": name}), "other")
-
-
-def answer_columns(state: State | None) -> FlatRow:
-    """Return the columns of a state's answer, and its status and versions; a damaged state has no answer."""
-    if state is None:
-        return {"status": DAMAGED}
-    answer = {name: value for name, value in state.answer.items() if name != "solved"}
-    D, E = answer.get("D_mm"), answer.get("E_MPa")
-    columns = {named(place): _scaled(place, value, D, E) for place, value in places(answer)}
-    return columns | {"status": state.status, "versions": state.versions}
-
-
-def _scaled(place: str, value: Any, D: Any, E: Any) -> Any:
-    """Return a value of an answer over the D or the E D^2 that were solved."""
-    if place.startswith("response.") and named(place).endswith("_over_E_D2"):
-        return value / D / D / E
-    if place.startswith("response.") and named(place).endswith("_over_D"):
-        return value / D
-    # f D (rho / E)^(1/2) is stored in mm, MPa and kg/m^3
-    return value * 1e-6 if place.startswith("values.frequency") else value
 
 
 # Reading
@@ -187,52 +194,18 @@ def _scaled(place: str, value: Any, D: Any, E: Any) -> Any:
 def reading(file: Path) -> Iterator[sqlite3.Connection]:
     """Connect to a store, to read it as it is now."""
     with store.readable(file) as connection:
+        prepare(connection)
         connection.execute("BEGIN")
         yield connection
 
 
-def paths(connection: sqlite3.Connection) -> pd.DataFrame:
-    """Return the columns of the contents of all paths, by their numbers."""
-    import pandas as pd
-
-    found = connection.execute("SELECT id, CAST(content AS BLOB) FROM path")
-    contents = {number: content_columns(content) for number, content in found}
-    frame = pd.DataFrame(list(contents.values()), list(contents), dtype=object)
-    return frame.reindex(columns=list(dict.fromkeys((*PATH_COLUMNS, *POSITIONS.values(), "estimates", *frame))))
-
-
-def states(connection: sqlite3.Connection) -> pd.DataFrame:
-    """Return the columns of all states, the newest first, but those of their answers."""
-    import pandas as pd
-
-    try:
-        return pd.read_sql(STATES, connection).join(paths(connection), on="path", how="inner")
-    except pd.errors.DatabaseError as error:
-        raise error.__cause__ or error from None
-
-
-def read(connection: sqlite3.Connection, chosen: pd.DataFrame) -> Iterator[State | None]:
-    """Yield states as they were written; None for one that is damaged, or whose path is."""
-    for at in chosen[KEY].itertuples(index=False, name=None):
-        key, content, *row = connection.execute(ONE, at).fetchone()
-        yield None if damaged_path(key, content) else store.stored(key.decode("utf-8", "replace"), row)
-
-
-def answered(
-    connection: sqlite3.Connection, found: pd.DataFrame, names: Iterable[str] = (), progress: Progress | None = None
-) -> pd.DataFrame:
-    """Return states with the columns of their answers too, or only those of these names that are stored."""
-    import pandas as pd
-
-    batches = []
-    for begin in range(0, max(len(found), 1), BATCH):
-        batch = found.iloc[begin : begin + BATCH]
-        answers = pd.DataFrame(list(map(answer_columns, read(connection, batch))), batch.index, dtype=object)
-        rows = batch.assign(**answers)
-        batches.append(rows[[name for name in names if name in rows] or list(rows)])
-        if progress is not None:
-            progress((begin + len(batch)) / len(found), f"{len(found)} states")
-    return pd.concat(batches)
+def prepare(connection: sqlite3.Connection) -> None:
+    """Make the functions and the tables that SQL of this file calls known to a connection."""
+    for function, count in ((accuracy_name, 1), (is_damaged, 11), (age, 1)):
+        connection.create_function(function.__name__, count, function, deterministic=True)
+    connection.execute("PRAGMA temp_store = MEMORY")
+    connection.execute(CONTENTS)
+    connection.execute(CHOSEN)
 
 
 @functools.lru_cache(maxsize=1000)
@@ -244,47 +217,75 @@ def damaged_path(key: bytes, content: bytes) -> bool:
         return True
 
 
-def ages(rows: pd.DataFrame) -> pd.DataFrame:
-    """Return versions of the physics and of the estimates less those of the program, of paths or states.
+def is_damaged(key: bytes, content: bytes, *row: Any) -> bool:
+    """Return whether a state or its path is not as it was written."""
+    return damaged_path(key, content) or store.stored(key.decode("utf-8", "replace"), row) is None
 
-    An unknown version is NaN, and the program's version of an unknown model 0. Vibrations and cycles have no
+
+def age(content: str) -> int | None:
+    """Return -1 for a path of older physics or estimates than the program's, 1 for newer, 0 for the same.
+
+    None if a version is unknown. The program's version of an unknown model is 0. Vibrations and cycles have no
     estimates, and older paths lack their version.
     """
+    values = json.loads(content)
+    quantity, model, physics, estimates = map(values.get, ("quantity", "model", "physics", "estimates"))
+    if estimates is None:
+        estimates = physics_version.ESTIMATES if quantity in TIMED else 1
     # a quantity with a version of its own comes before the model that computes it
-    today = rows.quantity.map(physics_version.PHYSICS).fillna(rows.model.map(physics_version.PHYSICS)).fillna(0)
-    without = rows.quantity.isin(TIMED).map({True: physics_version.ESTIMATES, False: 1})
-    estimates = numbers(rows.estimates.fillna(without))
-    return rows[["physics", "estimates"]].assign(
-        physics=numbers(rows.physics) - today, estimates=estimates - physics_version.ESTIMATES
-    )
-
-
-def numbers(column: pd.Series) -> pd.Series:
-    """Return a column with NaN where it holds no number."""
-    import pandas as pd
-
-    return pd.to_numeric(column, errors="coerce")
+    versions = {str(name): version for name, version in physics_version.PHYSICS.items()}
+    today = versions.get(str(quantity), versions.get(str(model), 0))
+    signs = {
+        (version > now) - (version < now) if isinstance(version, int | float) else None
+        for version, now in ((physics, today), (estimates, physics_version.ESTIMATES))
+    }
+    return next((sign for sign in (1, -1, None) if sign in signs), 0)
 
 
 # Filters
 
 
-def chosen(connection: sqlite3.Connection, selection: Selection) -> pd.DataFrame:
-    """Return the states that meet the filters, the newest first, without their answers."""
-    found = states(connection)
-    if selection.since is not None:
-        found = found[found.added >= _utc("--since", selection.since)]
-    if selection.before is not None:
-        found = found[found.added < _utc("--before", selection.before)]
+def choose(connection: sqlite3.Connection, selection: Selection) -> None:
+    """Fill the table of chosen states with those that meet the filters."""
+    sql: list[str] = []
+    values: list[str | float] = []
+    for option, date, sign in (("--since", selection.since, ">="), ("--before", selection.before, "<")):
+        if date is not None:
+            sql.append(f"state.added {sign} ?")
+            values.append(_utc(option, date))
     if outcomes := [name for name in ("failed", "transient") if getattr(selection, name)]:
-        found = found[found.outcome.isin(outcomes)]
+        sql.append(f"state.outcome IN ({', '.join('?' * len(outcomes))})")
+        values += outcomes
     if selection.older_physics:
-        found = found[(ages(found) < 0).any(axis=1)]
-    filters = [_parsed(text) for text in selection.where or []]
-    columns = _columns([name for name, _ in filters], connection, found)
-    for name, value in filters:
-        found = found[_meeting(name, value, columns.loc[found.index, name])]
-    return found[[state is None for state in read(connection, found)]] if selection.damaged else found
+        sql.append("state.path IN (SELECT id FROM contents WHERE age(content) < 0)")
+    if selection.damaged:
+        sql.append(IS_DAMAGED)
+    unknown = "0"
+    if filters := [_parsed(text) for text in selection.where or []]:
+        columns = COLUMNS
+        if not columns.keys() >= {name for name, _ in filters}:
+            columns = COLUMNS | other_columns(connection, "main.state")
+        wheres = [_meeting(columns, *where) for where in filters]
+        met = " AND ".join(condition for condition, _ in wheres)
+        answered = " OR NOT json_valid(state.answer)" if ANSWER in met else ""
+        unknown = f"(json_extract(content, '$.model') IS '{DAMAGED}'{answered})"
+        sql.append(f"({met} OR {unknown})")
+        values += [value for _, of_filter in wheres for value in of_filter]
+    meeting = " AND ".join(sql) or "1"
+    # an index has all columns that are needed but for those; SQLite would read the answers too
+    index = "" if re.search("answer|versions", meeting) else " INDEXED BY state_listing"
+    connection.execute(
+        "INSERT INTO chosen SELECT state.path, depth, shear, CAST(outcome AS TEXT), CAST(seconds AS REAL),"
+        f" CAST(state.added AS TEXT), {unknown} FROM main.state{index} JOIN contents ON contents.id = state.path"
+        f" WHERE {meeting}",
+        values,
+    )
+    (damaged,) = connection.execute("SELECT COUNT(*) FROM chosen WHERE unknown").fetchone()
+    if damaged:
+        raise BadInput(
+            f"{damaged} states are not as they were written, so whether they meet --where is not known: magtip store "
+            "check says what to do"
+        )
 
 
 def _parsed(text: str) -> tuple[str, str]:
@@ -294,38 +295,29 @@ def _parsed(text: str) -> tuple[str, str]:
     return name, value
 
 
-def _columns(names: Sequence[str], connection: sqlite3.Connection, found: pd.DataFrame) -> pd.DataFrame:
-    """Return columns of states; answers are read only if they are needed."""
-    needed = dict.fromkeys((*names, "model", "status"))
-    if not set(names) <= set(found):
-        found = answered(connection, found, needed)
-    if unknown := [name for name in names if name not in found and name not in HEAD]:
-        raise BadInput(f"--where: there is no field {unknown[0]!r}: {nearest(unknown[0], HEAD)}")
-    damaged = ((found.status == DAMAGED) | (found.model == DAMAGED)).sum()
-    if names and damaged:
-        raise BadInput(
-            f"{damaged} of {len(found)} states are not as they were written, so whether they meet --where is not "
-            "known: magtip store check says what to do"
-        )
-    return found.reindex(columns=list(needed))
-
-
-def _meeting(name: str, value: str, column: pd.Series) -> pd.Series:
-    """Return which states have one of the values of a filter, or one in its range."""
-    found = numbers(column)
+def _meeting(columns: Mapping[str, Column], name: str, value: str) -> tuple[str, list[str | float]]:
+    """Return SQL of the states that have one of the values of a filter, or one in its range; and its parameters."""
+    if name not in columns:
+        raise BadInput(f"--where: there is no field {name!r}: {nearest(name, COLUMNS)}")
+    column = columns[name]
     low, colon, high = value.partition(":")
-    if colon and not _of_texts(column):
+    # SQLite takes a text for larger than every number
+    between = f"{column.sql} BETWEEN ? AND ?"
+    values: list[str | float]
+    if colon and not column.of_texts:
         least = _number(name, low) if low.strip() else -math.inf
         most = _number(name, high) if high.strip() else math.inf
         if least > most:
             raise BadInput(f"--where: the range of {name} is empty, {value}: give the lower bound first")
-        return found.between(least - TOLERANCE, most + TOLERANCE)
-    words = [word.strip() for word in value.split(",")]
-    texts = [word for word in words if _of_texts(column) or (name == "friction" and word.isalpha())]
-    met = column.isin(texts)
-    for number in (_number(name, word) for word in words if word not in texts):
-        met |= found.between(number - TOLERANCE, number + TOLERANCE)
-    return met
+        sql, values = between, [least - TOLERANCE, most + TOLERANCE]
+    else:
+        words = [word.strip() for word in value.split(",")]
+        texts = [word for word in words if column.of_texts or (name == "friction" and word.isalpha())]
+        numbers = [_number(name, word) for word in words if word not in texts]
+        sql = " OR ".join([f"CAST({column.sql} AS TEXT) = ?"] * len(texts) + [between] * len(numbers))
+        values = [*texts, *(x for n in numbers for x in (n - TOLERANCE, n + TOLERANCE))]
+    of_path = "state." not in sql
+    return f"state.path IN (SELECT id FROM contents WHERE {sql})" if of_path else f"({sql})", values
 
 
 def _number(name: str, text: str) -> float:
@@ -356,7 +348,7 @@ def _utc(option: str, text: str) -> str:
 
 # Lists
 
-COLUMNS = (
+LISTED = (
     *("quantity", "model", "accuracy", "magnet", "law", "nu", "L_over_D", "friction", "depth_over_D", "shear_over_D"),
     *("status", "force_z_over_E_D2", "force_x_over_E_D2", "critical_depth_over_D", "frequency_1_D_sqrt_rho_over_E"),
     *("error_estimate", "seconds", "added", "message"),
@@ -367,49 +359,50 @@ PATH_COLUMNS = (
     *("magnet_diameter_over_D", "magnet_height_over_D", "friction"),
 )
 """Columns of a list of paths that come from their contents; others come from their states."""
-POSITIONS = {"depth_over_D": "modes_at_depth_over_D", "shear_over_D": "at_shear_over_D"}
-"""Columns of the position of a state, and of that about which a path vibrates."""
 
 
 def listing(selection: Selection, limit: int, *, of_paths: bool = False) -> tuple[FlatRow, list[FlatRow]]:
     """Return the summary of a store and its newest states, or its newest paths, that meet the filters.
 
-    `limit`: largest number of rows; 0 for all.
+    `limit`: largest number of rows; 0 for all. SQLite counts to 2**63 - 1.
     """
     file = selection.store or store.default()
     with reading(file) as connection:
-        found = chosen(connection, selection)
-        rows = (_paths if of_paths else _states)(connection, found, limit or len(found))
-        return summary(file, connection, found), rows.astype(object).where(rows.notna(), None).to_dict("records")
+        choose(connection, selection)
+        rows = (_paths if of_paths else _states)(connection, min(limit, 2**63 - 1) or -1)
+        return summary(file, connection), rows
 
 
-def summary(file: Path, connection: sqlite3.Connection, found: pd.DataFrame) -> FlatRow:
+def summary(file: Path, connection: sqlite3.Connection) -> FlatRow:
     """Return how many states of an open store are chosen.
 
     "size_MB" of the file and its write-ahead log. "solving_s": time that these solves took, s. "states_by_model":
     number of states for each model, or quantity of another kind, and physics version.
     """
     (in_store,) = connection.execute("SELECT COUNT(*) FROM state").fetchone()
-    outcomes = found.outcome.value_counts()
+    outcomes = dict(connection.execute("SELECT outcome, COUNT(*) FROM chosen GROUP BY outcome"))
+    of_paths = "(SELECT path, COUNT(*) AS states FROM chosen GROUP BY path)"
+    kinds = connection.execute(
+        f"SELECT {KIND}, SUM(states), COUNT(*) FROM {of_paths} JOIN contents ON id = path GROUP BY 1, 2, 3"
+    ).fetchall()
     return {
         "file": str(file),
         "size_MB": size_MB(file),
-        "paths": found.path.nunique(),
-        "states": len(found),
+        "paths": sum(paths for *_, paths in kinds),
+        "states": sum(outcomes.values()),
         "states_in_store": in_store,
-        **{name: int(outcomes.get(name, 0)) for name in ("ok", "failed", "transient")},
-        "solving_s": math.fsum(found.seconds),
-        "states_by_model": tuple(f"{name} (physics {physics}): {count}" for name, physics, count in counted(found)),
+        **{name: outcomes.get(name, 0) for name in ("ok", "failed", "transient")},
+        "solving_s": math.fsum(seconds for (seconds,) in connection.execute("SELECT seconds FROM chosen")),
+        "states_by_model": tuple(
+            f"{solved(quantity, model)} (physics {physics}): {states}"
+            for quantity, model, physics, states, _ in kinds
+        ),
     }
 
 
-def counted(rows: pd.DataFrame) -> list[tuple[str, str, int]]:
-    """Return what paths or states are of, a model or else a quantity, with its physics version and their number."""
-    kinds = rows[["quantity", "model", "physics"]].fillna("None").astype(str).value_counts().sort_index()
-    return [
-        (model if quantity in ("states", "None") else quantity, physics, count)
-        for (quantity, model, physics), count in kinds.items()
-    ]
+def solved(quantity: str | None, model: str | None) -> str:
+    """Return the name of what is solved: the model of states along a path, or another quantity."""
+    return str(model if quantity in ("states", None) else quantity)
 
 
 def size_MB(file: Path) -> float:
@@ -418,34 +411,39 @@ def size_MB(file: Path) -> float:
     return sum(part.stat().st_size for part in parts if part.exists()) / 1e6
 
 
-def _states(connection: sqlite3.Connection, found: pd.DataFrame, limit: int) -> pd.DataFrame:
-    newest = found.head(limit)
-    rows = answered(connection, newest, COLUMNS).reindex(columns=COLUMNS)
-    return rows.assign(**{name: _position(newest, name, newest[name]) for name in POSITIONS})
+def _position(column: str, place: str) -> str:
+    """Return SQL of a position; that of vibrations, cycles and modes, 0 as a state, stands in their content."""
+    return f"CASE WHEN {column} = 0 THEN ifnull(json_extract(content, '$.load.{place}'), 0.0) ELSE {column} END"
 
 
-def _position(rows: pd.DataFrame, name: str, value: pd.Series) -> pd.Series:
-    """Return a position; that of vibrations, cycles and modes, which is 0 as a state, stands in their content."""
-    return value.mask(value == 0, rows[POSITIONS[name]].fillna(0.0))
+def _states(connection: sqlite3.Connection, limit: int) -> list[FlatRow]:
+    at = {"depth_over_D": _position("state.depth", "depth"), "shear_over_D": _position("state.shear", "shear_x")}
+    sql = ", ".join(at.get(name, COLUMNS[name].sql) for name in LISTED)
+    newest = STATES.format(" ORDER BY added DESC, path DESC, depth, shear LIMIT ?")
+    query = f"SELECT {sql}, {IS_DAMAGED} FROM {newest} ORDER BY state.added DESC, path DESC, depth, shear"
+    without_answer = {name: None for name in LISTED if ANSWER in COLUMNS[name].sql} | {"status": DAMAGED}
+    return [
+        dict(zip(LISTED, row, strict=True)) | (without_answer if damaged else {})
+        for *row, damaged in connection.execute(query, (limit,))
+    ]
 
 
-def _paths(connection: sqlite3.Connection, found: pd.DataFrame, limit: int) -> pd.DataFrame:
-    of_states = found.assign(not_ok=found.outcome != "ok", **{name: numbers(found[name]) for name in POSITIONS})
-    totals = of_states.groupby("path").agg(
-        states=("outcome", "size"),
-        not_ok=("not_ok", "sum"),
-        least_depth_over_D=("depth_over_D", "min"),
-        greatest_depth_over_D=("depth_over_D", "max"),
-        greatest_shear_over_D=("shear_over_D", "max"),
-        seconds=("seconds", "sum"),
-        added=("added", "max"),
+def _paths(connection: sqlite3.Connection, limit: int) -> list[FlatRow]:
+    totals = (
+        "SELECT path, COUNT(*) AS states, SUM(outcome != 'ok') AS not_ok, MIN(depth) AS least,"
+        " MAX(depth) AS greatest, MAX(shear) AS shear, SUM(seconds) AS seconds, MAX(added) AS added"
+        " FROM chosen GROUP BY path"
     )
-    rows = totals.join(paths(connection))
-    for name in ("least_depth_over_D", "greatest_depth_over_D", "greatest_shear_over_D"):
-        rows[name] = _position(rows, name.partition("_")[2], rows[name])
-    rows["key"] = rows.index.map(dict(connection.execute("SELECT id, key FROM path").fetchall()))
-    newest = rows.reset_index().sort_values(["added", "path"], ascending=False).head(limit)
-    return newest[[*PATH_COLUMNS, *totals, "key"]]
+    found = connection.execute(
+        f"SELECT {', '.join(f'{COLUMNS[name].sql} AS {name}' for name in PATH_COLUMNS)}, states, not_ok,"
+        f" {_position('least', 'depth')} AS least_depth_over_D,"
+        f" {_position('greatest', 'depth')} AS greatest_depth_over_D,"
+        f" {_position('shear', 'shear_x')} AS greatest_shear_over_D, seconds, added, key"
+        f" FROM ({totals}) JOIN contents ON contents.id = path ORDER BY added DESC, path DESC LIMIT ?",
+        (limit,),
+    )
+    names = [name for name, *_ in found.description]
+    return [dict(zip(names, row, strict=True)) for row in found]
 
 
 # Export
@@ -459,45 +457,49 @@ def export(selection: Selection, out: Path, progress: Progress) -> int:
     """Write the states that meet the filters to a file, in the order of their paths, and return their number."""
     atomic_files.check_output_file(out, *SUFFIXES)
     file = selection.store or store.default()
+    written = 0
     with reading(file) as connection:
-        found = chosen(connection, selection).sort_values(KEY, key=numbers)
-        if found.empty:
+        choose(connection, selection)
+        states = STATES.format("")
+        count, damaged = connection.execute(f"SELECT COUNT(*), SUM({IS_DAMAGED}) FROM {states}").fetchone()
+        if not count:
             raise BadInput(f"no state of the store {str(file)!r} meets the filters, so {out.name} is not written")
-        rows = answered(connection, found, progress=progress)
-    if damaged := int((rows.status == DAMAGED).sum()):
-        raise BadInput(
-            f"{damaged} of {len(rows)} states of the store {str(file)!r} are not as they were written, so {out.name} "
-            "is not written: magtip store check says what to do"
-        )
-    others = [name for name in rows if name not in HEAD and name != "path" and rows[name].notna().any()]
-    with atomic_files.sole_writer(out):
-        _write(rows.reindex(columns=[*HEAD, *others]), out, file)
-    return len(rows)
+        if damaged:
+            raise BadInput(
+                f"{damaged} of {count} states of the store {str(file)!r} are not as they were written, so {out.name} "
+                "is not written: magtip store check says what to do"
+            )
+        columns = COLUMNS | other_columns(connection, "chosen CROSS JOIN main.state USING (path, depth, shear)")
+        sql = ", ".join(column.sql for column in columns.values())
+        rows = connection.execute(f"SELECT {sql} FROM {states} ORDER BY path, depth, shear")
+        with atomic_files.sole_writer(out), _writer(out, file, columns) as write:
+            while batch := rows.fetchmany(BATCH):
+                write(batch)
+                written += len(batch)
+                progress(written / count, f"{count} states")
+    return written
 
 
-def _write(rows: pd.DataFrame, out: Path, file: Path) -> None:
+@contextlib.contextmanager
+def _writer(
+    out: Path, file: Path, columns: Mapping[str, Column]
+) -> Iterator[Callable[[list[tuple[Any, ...]]], None]]:
     if out.suffix.lower() == ".jsonl":
         with atomic_files.atomic(out) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as stream:
-            for values in rows.itertuples(index=False, name=None):
-                stream.write(atomic_files.json_line(dict(zip(rows, values, strict=True))) + "\n")
+            yield lambda rows: stream.writelines(
+                atomic_files.json_line(dict(zip(columns, row, strict=True))) + "\n" for row in rows
+            )
         return
     about = {"store": str(file), "versions": provenance.versions()}
-    texts = {name: name == "friction" or _of_texts(rows[name]) for name in rows}
     with table_files.writer(out, digits=DIGITS, about=about) as write:
-        for begin in range(0, len(rows), BATCH):
-            batch = rows.iloc[begin : begin + BATCH]
-            write({name: _array(batch[name], of_texts=of_texts) for name, of_texts in texts.items()})
-
-
-def _array(column: pd.Series, *, of_texts: bool) -> Any:
-    """Return a column as texts, None where there is none, or as numbers, NaN where there is none."""
-    if of_texts:
-        return column.map(str, na_action="ignore").astype(object).where(column.notna(), None).to_numpy()
-    return column.astype(float).to_numpy()
-
-
-def _of_texts(column: pd.Series) -> bool:
-    return column.name in TEXTS or (column.name not in HEAD and bool(column.map(type).eq(str).any()))
+        yield lambda rows: write(
+            {
+                name: np.array([None if value is None else str(value) for value in values], dtype=object)
+                if column.of_texts or name == "friction"
+                else np.array(values, dtype=float)  # NULL is NaN
+                for (name, column), values in zip(columns.items(), zip(*rows, strict=True), strict=True)
+            }
+        )
 
 
 # Removal
@@ -516,36 +518,34 @@ def prune(selection: Selection, *, yes: bool) -> FlatRow:
         )
     file = selection.store or store.default()
     with reading(file) as connection:
-        gone = chosen(connection, selection)
-        before = summary(file, connection, gone)
-        of_paths = dict(connection.execute("SELECT path, COUNT(*) FROM state GROUP BY path").fetchall())
+        choose(connection, selection)
+        before = summary(file, connection)
+        (paths,) = connection.execute(
+            "SELECT COUNT(*) FROM (SELECT path, COUNT(*) AS n FROM chosen GROUP BY path) AS gone"
+            " WHERE n = (SELECT COUNT(*) FROM state WHERE state.path = gone.path)"
+        ).fetchone()
     states, in_store, size = (before[name] for name in ("states", "states_in_store", "size_MB"))
     if yes and states:
-        _remove(file, selection)
+        with store.writable(file) as connection, store.refusals(file):
+            prepare(connection)
+            connection.execute("BEGIN IMMEDIATE")
+            with connection:
+                # what another process has solved meanwhile stays
+                choose(connection, selection)
+                gone = "(SELECT path, depth, shear FROM chosen)"
+                connection.execute(f"DELETE FROM main.state WHERE (path, depth, shear) IN {gone}")
+                connection.execute("DELETE FROM path WHERE id NOT IN (SELECT path FROM state)")
+            connection.execute("VACUUM")
+            # a process that reads keeps the old pages: the file shrinks later, without a wait here
+            connection.execute("PRAGMA busy_timeout = 0")
+            connection.execute("PRAGMA wal_checkpoint(TRUNCATE)")
     return {
         "file": str(file),
         "removed": yes,
         "states": states,
-        "paths": sum(count == of_paths[path] for path, count in gone.path.value_counts().items()),
+        "paths": paths,
         "states_left": in_store - states,
         "solving_s": before["solving_s"],
         "size_MB": size,
         "freed_MB": size - size_MB(file) if yes else size * (states / in_store if in_store else 0.0),
     }
-
-
-def _remove(file: Path, selection: Selection) -> None:
-    with store.writable(file) as connection, store.refusals(file):
-        connection.execute("BEGIN IMMEDIATE")
-        with connection:
-            # what another process has solved meanwhile stays
-            gone = chosen(connection, selection)
-            connection.executemany(
-                "DELETE FROM state WHERE path = ? AND depth = ? AND shear = ?",
-                gone[KEY].itertuples(index=False, name=None),
-            )
-            connection.execute("DELETE FROM path WHERE id NOT IN (SELECT path FROM state)")
-        connection.execute("VACUUM")
-        # a process that reads keeps the old pages: the file shrinks later, without a wait here
-        connection.execute("PRAGMA busy_timeout = 0")
-        connection.execute("PRAGMA wal_checkpoint(TRUNCATE)")

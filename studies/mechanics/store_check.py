@@ -89,13 +89,18 @@ def _answers(connection: sqlite3.Connection) -> Found:
 
 
 def _physics(connection: sqlite3.Connection) -> Found:
-    paths = store_actions.paths(connection)
-    paths = paths[paths.model != store_actions.DAMAGED]
     # older physics versions are in order
-    known = (store_actions.numbers(paths.physics) >= 1) & ~(store_actions.ages(paths) > 0).any(axis=1)
-    unknown = store_actions.counted(paths[~known])
-    errors = [f"{count} of {name} with physics version {physics}" for name, physics, count in unknown]
-    return len(store_actions.counted(paths)), errors
+    known = "json_extract(content, '$.physics') >= 1 AND age(content) <= 0"
+    kinds = connection.execute(
+        f"SELECT {store_actions.KIND}, SUM(NOT coalesce({known}, 0)) FROM contents"
+        f" WHERE json_extract(content, '$.model') IS NOT '{store_actions.DAMAGED}' GROUP BY 1, 2, 3"
+    ).fetchall()
+    errors = [
+        f"{count} of {store_actions.solved(quantity, model)} with physics version {physics}"
+        for quantity, model, physics, count in kinds
+        if count
+    ]
+    return len(kinds), errors
 
 
 CHECKS: dict[str, tuple[Callable[[sqlite3.Connection], Found], str]] = {
@@ -118,10 +123,10 @@ def chosen(connection: sqlite3.Connection, count: int, seed: int) -> list[Place]
 
     Those of stores of magtip 0.2 do not say what was solved.
     """
-    states = store_actions.states(connection)
-    states = states[(states.outcome == "ok") & (store_actions.ages(states) == 0).all(axis=1)]
-    states = states[[state is not None for state in store_actions.read(connection, states)]]
-    known = list(states[store_actions.KEY].sort_values(store_actions.KEY).itertuples(index=False, name=None))
+    known = connection.execute(
+        "SELECT path, depth, shear FROM state JOIN contents ON id = path"
+        f" WHERE outcome = 'ok' AND age(content) = 0 AND NOT {store_actions.IS_DAMAGED} ORDER BY 1, 2, 3"
+    ).fetchall()
     return random.Random(seed).sample(known, min(count, len(known)))
 
 
