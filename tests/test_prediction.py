@@ -270,7 +270,7 @@ def test_bounds_grow_beyond_the_study(load, words):
 
 
 def test_the_shipped_rule_is_that_of_the_committed_results():
-    results = model_choice.DATA.parents[2] / "results" / "trade" / "model_choice.json"
+    results = model_choice.DATA.parents[2] / "results" / "errors" / "model_choice.json"
     assert model_choice.DATA.read_text("utf-8") == results.read_text("utf-8")
 
 

@@ -13,6 +13,7 @@ import re
 from collections.abc import Callable, Sequence
 from functools import partial
 from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from types import ModuleType
 from typing import Annotated, Any
@@ -30,6 +31,8 @@ COMMAND = "command"
 def __getattr__(name: str) -> Callable[..., int]:
     """Return the verb of a sub-package of `studies.validation`."""
     if name.startswith("_"):
+        raise AttributeError(name)
+    if find_spec(f"studies.validation.{name}") is None:
         raise AttributeError(name)
     package = import_module(f"studies.validation.{name}")
     parts = parts_of(package)

@@ -157,13 +157,13 @@ def response_data(response: Response) -> Data:
 
 
 def stored(solution: Solution, design: Design) -> list[Data]:
-    """Return the rows of what a state holds beside its response (`studies.quantities`); a free one holds nothing."""
+    """Return the rows of what a state holds beside its response (`studies.quantities`)."""
     row = state_rows.stored_columns(solution, design_digest.of_mechanics(design))
     found = []
-    for part in quantities.stored_parts() if solution.load.depth else ():
+    for part in quantities.stored_parts():
         value, share = row[part.column], row.get(f"{part.name}_error_estimate")
         half = row.get(f"{part.column}_half_width", _times(share, value))
-        found.append(number(part.words, quantities.UNITS[part.unit], value, half))
+        found.append(number(part.name.replace("_", " "), quantities.UNITS[part.unit], value, half))
     return found
 
 
@@ -397,9 +397,7 @@ def _response_table(data: Data) -> Data:
     rows += [row(f"shift along {axis}", "mm", "shift", k) for k, axis in enumerate("xyz")]
     rows += [row("tilt towards x", "deg", "tilt"), row("tilt towards y", "deg", "tilt_y")]
     rows.append(row("contact radius", "mm", "contact_radius"))
-    rows += [
-        each if is_known else each | {"half_width": PENDING} for each in data["stored"] if each["value"] is not None
-    ]
+    rows += [each if is_known or each["value"] is None else each | {"half_width": PENDING} for each in data["stored"]]
     notes = {
         level: " ".join(filter(None, [data["calibration"], one["message"] and f"Formula {level}: {one['message']}"]))
         for level, one in formulas.items()
