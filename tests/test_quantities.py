@@ -57,7 +57,7 @@ def test_a_derived_quantity_is_in_every_output_of_a_sweep(with_work, tmp_path, r
     code, out, _ = run(*words, "work", "--json")
     assert code == 0
     assert json.loads(out.splitlines()[0])["surrogate_work_mJ"] > 0
-    code, out, _ = run(*words, "work", "--wide", "--out", str(tmp_path / "sweep"))
+    code, out, _ = run(*words, "work", "--out", str(tmp_path / "sweep"))
     assert code == 0
     assert {"work", "(mJ)"} <= set(out.split())
     assert "analytic_work_mJ" in pd.read_csv(tmp_path / "sweep" / "sweep.csv")
