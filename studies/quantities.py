@@ -10,7 +10,9 @@ JSON, the names that messages and help state, the figures, and the README's row.
   and a row here; states that were stored without it are solved again when it is asked for;
 - *derived*: a function of the fields and the other answers of one model. A new one is a row here.
 
-`path`: the quantity has a solve of its own (`studies.mechanics.path_solver`).
+A quantity with a `path` has a solve of its own (`studies.mechanics.path_solver`). Columns of readings, which follow
+from the layout, and what is derived from the paths of modes and vibrations stand in `studies.sweeps.study_rows`; here
+are those that figures show.
 """
 
 from __future__ import annotations
@@ -30,7 +32,7 @@ UNITS = {
 """Units by their names, as people read them; the only table of its kind. Those that files of users may state are in
 `studies.inputs`."""
 Number = TypeVar("Number", float, "Array")
-Path = Literal["", "critical depth", "modes", "response", "cycle"]
+Path = Literal["critical depth", "modes", "response", "cycle"]
 
 
 def column_name(name: str, unit: str) -> str:
@@ -63,7 +65,7 @@ class Part:
         the vectors.
     error : first part of the column of its error against the reference; default: its name.
     along_shear : whether a beam that gave way has no error of it.
-    stored, item : key of the stored value, and the place in it if that is a list.
+    stored : key of the stored value.
     half_width : key of the stored half width, which has a column too.
     factor, scale : on the stored value, and exponents of E, MPa, and D, mm.
     """
@@ -76,7 +78,6 @@ class Part:
     error: str = ""
     along_shear: bool = False
     stored: str = ""
-    item: int | None = None
     half_width: str = ""
     factor: float = 1.0
     scale: tuple[int, int] = (0, 0)
@@ -96,16 +97,19 @@ class Part:
         return f"{self.words} ({UNITS[self.unit]})" if UNITS[self.unit] else self.words
 
     @property
+    def estimate_column(self) -> str:
+        """Name of the column of its estimated error, behind that of the model."""
+        of = self.name if self.stored else self.estimate
+        return "error_estimate" if of == "force" else f"{of}_error_estimate"
+
+    @property
     def error_column(self) -> str:
         """Name of the column of its error against the reference, behind that of the model."""
         return f"{self.error or self.name}_error_percent"
 
     def scaled(self, values: Number, E: Number, D: Number) -> Number:
         """Return stored values in the unit of the part."""
-        scaled = self.factor * values if self.factor != 1 else values
-        for base, exponent in zip((E, D), self.scale, strict=True):
-            scaled = scaled * base**exponent if exponent else scaled
-        return scaled
+        return self.factor * values * E ** self.scale[0] * D ** self.scale[1]
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,7 +118,6 @@ class Quantity:
 
     Attributes
     ----------
-    words : what it is, for help and README; "" if its name says it.
     usual : whether studies that name no quantities have it; `sideways`: if loads act sideways.
     of_sensor : whether it needs no load.
     derive : returns the values of the only part from columns of fields and of the model's answers, shape (n,) each.
@@ -122,27 +125,22 @@ class Quantity:
 
     name: str
     parts: tuple[Part, ...]
-    words: str = ""
     usual: Literal["", "always", "sideways"] = ""
-    path: Path = ""
+    path: Path | None = None
     of_sensor: bool = False
     derive: Callable[[Mapping[str, Array]], Array] | None = None
+
+    @property
+    def of_states(self) -> bool:
+        """Whether it is derived, or stored beside the response of a state."""
+        return bool(self.derive) or (self.path is None and any(part.stored for part in self.parts))
 
 
 def _stiffness(of: Mapping[str, Array]) -> Array:
     return of["force_N"] / of["depth_mm"]
 
 
-QUANTITIES: dict[str, Quantity] = {}
-"""Quantities by name, in the order of their columns."""
-
-
-def register(quantity: Quantity) -> None:
-    """Add a quantity to the list."""
-    QUANTITIES[quantity.name] = quantity
-
-
-for _quantity in (
+_LIST = (
     Quantity(
         "force",
         (
@@ -195,7 +193,6 @@ for _quantity in (
                 scale=(1, 0),
             ),
         ),
-        words="largest pressure of the plate on the tip, of upright presses by finite elements",
     ),
     Quantity(
         "sideways_stiffness",
@@ -208,12 +205,10 @@ for _quantity in (
                 half_width="sideways_half_width",
             ),
         ),
-        words="over that of the unpressed beam: of frictionless presses by finite elements",
     ),
     Quantity(
         "stiffness",
         (Part("stiffness", "N/mm", "press force over depth"),),
-        "press force over depth",
         derive=_stiffness,
     ),
     Quantity("readings", (Part("S1", "V", "output of S1"),), usual="always"),
@@ -256,8 +251,9 @@ for _quantity in (
         ),
         path="cycle",
     ),
-):
-    register(_quantity)
+)
+QUANTITIES = {each.name: each for each in _LIST}
+"""Quantities by name, in the order of their columns."""
 
 
 def drawn_parts() -> dict[str, Part]:
@@ -267,7 +263,7 @@ def drawn_parts() -> dict[str, Part]:
 
 def stored_parts() -> list[Part]:
     """Return the parts that a state holds beside its response."""
-    return [part for each in QUANTITIES.values() if not each.path for part in each.parts if part.stored]
+    return [part for each in QUANTITIES.values() if each.of_states for part in each.parts if part.stored]
 
 
 def stored_values(names: Iterable[str]) -> tuple[str, ...]:

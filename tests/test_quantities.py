@@ -18,14 +18,14 @@ from studies.mechanics.path_solver import lacks
 from studies.mechanics.store import State
 from studies.quantities import QUANTITIES, Part, Quantity, stored_values
 from studies.simulation import state_rows
-from studies.sweeps.answer_plot import plot
+from studies.sweeps.answer_plot import half_width, plot
+from studies.sweeps.sweep_columns import SweepColumns
 
 ROOT = Path(__file__).resolve().parent.parent
 PRESSES = pd.DataFrame({"L_mm": [9.0, 11.0], "E_MPa": [0.5, 1.3], "depth_mm": 0.5})
 WORK = Quantity(
     "work",
     (Part("work", "mJ", "work of a linear press", estimate="force"),),
-    "half of force times depth",
     derive=lambda of: of["force_N"] * of["depth_mm"] / 2,
 )
 
@@ -85,6 +85,14 @@ def test_a_stored_quantity_is_an_attribute_and_a_row(monkeypatch, tmp_path):
     assert after["fem_force_N"].to_numpy() == pytest.approx(before["fem_force_N"].to_numpy(), rel=1e-10)
     state = magtip.solve(magtip.paper(E=2.0), depth=0.1, accuracy="quick")
     assert state_rows.solved_row(state, {"D_mm": 8.0, "E_MPa": 2.0})["load_number_MPa"] == 0.5
+
+
+def test_stored_values_have_bars_in_charts():
+    table = pd.DataFrame({"fem_contact_pressure_MPa": [0.5], "fem_contact_pressure_error_estimate": [0.02]})
+    table = table.assign(fem_force_N=4.0, error_estimate=0.01)
+    study = SweepColumns((), {"standard": "fem_"}, "standard")
+    assert half_width(table, study, "standard", "contact_pressure_MPa").tolist() == [0.01]
+    assert half_width(table, study, "standard", "force_N").tolist() == [0.04]
 
 
 def test_states_without_a_value_lack_it():

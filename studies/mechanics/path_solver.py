@@ -40,12 +40,12 @@ from studies.mechanics import timed_quantities
 from studies.mechanics.store import Outcome, Position, State, position
 from studies.mechanics.timed_quantities import STILL, PlateMotion
 from studies.output.provenance import versions
-from studies.quantities import QUANTITIES, stored_parts, stored_values
+from studies.quantities import QUANTITIES, Path, stored_parts, stored_values
 
 if TYPE_CHECKING:
     from fem.solution import Solution
 
-Kind = Literal["states", "critical depth", "modes", "response", "cycle"]
+Kind = Literal["states"] | Path
 """What a path holds."""
 KINDS: dict[str, Kind] = {name: each.path for name, each in QUANTITIES.items() if each.path}
 """Quantities that are paths of their own in the store."""
@@ -279,8 +279,8 @@ def _smaller_steps(load: Load, solved: Sequence[Position], D: float) -> list[Loa
     return [_at(load, at, D) for at in positions]
 
 
-ESTIMATED = ("force", "shift", "tilt", "sideways", "contact_radius", *(each.estimate for each in stored_parts()))
-"""Quantities of a state whose estimated errors are stored."""
+ESTIMATED = ("force", "shift", "tilt", "sideways", "contact_radius")
+"""Quantities of a state whose estimated errors are stored, beside those of `stored_parts`."""
 
 
 @functools.cache
@@ -300,11 +300,12 @@ def _state(scene: Scene, load: Load, solution: Solution, *, ratios: bool) -> Sta
     # a press that was not asked for its ratio may have one all the same
     if not ratios and facts.sideways_stiffness_ratio is None and solution.model == "axisymmetric":
         del values["sideways_stiffness_ratio"]
+    estimated = (*ESTIMATED, *(part.estimate for part in stored_parts() if part.estimate))
     answer = {
         "response": dataclasses.asdict(solution.response),
         "error_estimate": estimates.force,
         "message": solution.message,
-        "estimates": {name: getattr(estimates, name) for name in ESTIMATED if name},
+        "estimates": {name: getattr(estimates, name) for name in estimated},
         "values": values,
     }
     return _stored(scene, load, "ok", solution.status, answer, solution.seconds)

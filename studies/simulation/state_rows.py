@@ -83,7 +83,7 @@ def state_row(load: Load, response: Response | None, model: str, made_for: Field
         "newton_iterations": 0,
         "seconds": 0.0,
         **dict.fromkeys(FACTS),
-        **stored_columns(None, made_for),
+        **stored_columns(None, 1.0, 1.0),
         "digest": design_digest.digest(made_for),
         "made_for": made_for,
     }
@@ -107,7 +107,7 @@ def solved_row(state: Solution, made_for: Fields) -> FlatRow:
         newton_iterations=state.newton_iterations,
         seconds=state.seconds,
         **_fact_columns(state.facts),
-        **stored_columns(state, made_for),
+        **stored_columns(state, float(made_for["E_MPa"]), float(made_for["D_mm"])),
     )
 
 
@@ -193,19 +193,18 @@ def _fact_columns(facts: Facts) -> FlatRow:
     }
 
 
-def stored_columns(state: Solution | None, made_for: Fields) -> FlatRow:
-    """Return the columns of what a state holds beside its response, with their half widths and estimated errors."""
+def stored_columns(state: Solution | None, E: float, D: float) -> FlatRow:
+    """Return the columns of what a state of a sensor with this E, MPa, and D, mm, holds beside its response."""
     row: FlatRow = {}
     for part in stored_parts():
         for column, name in ((part.column, part.stored), (f"{part.column}_half_width", part.half_width)):
             value = getattr(state.facts, name) if state and name else None
-            scaled = value and part.scaled(value, float(made_for["E_MPa"]), float(made_for["D_mm"]))
-            row |= {column: scaled} if name else {}
+            row |= {column: None if value is None else part.scaled(float(value), E, D)} if name else {}
         if part.estimate:
-            row[f"{part.name}_error_estimate"] = getattr(state.estimates, part.estimate) if state else None
+            row[part.estimate_column] = getattr(state.estimates, part.estimate) if state else None
     return row
 
 
 def estimated_numbers() -> dict[str, str]:
     """Return the columns of error estimates, and those of the numbers that they are of."""
-    return NUMBERS | {f"{part.name}_error_estimate": part.column for part in stored_parts() if part.estimate}
+    return NUMBERS | {part.estimate_column: part.column for part in stored_parts() if part.estimate}

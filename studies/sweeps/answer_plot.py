@@ -185,7 +185,7 @@ def half_width(answers: pd.DataFrame, study: SweepColumns, model: str, quantity:
         return pd.Series(np.nan, answers.index)
     # of the press force the estimate is that of the whole vector, of forces along the shear that of their own
     vector = vector if asked is vector[0] else tuple(part for part in vector if part.estimate == asked.estimate)
-    estimate = "error_estimate" if asked.estimate == "force" else f"{asked.estimate}_error_estimate"
+    estimate = asked.estimate_column
     # of a single model of finite elements the estimates have no name in front
     column = f"{prefix}{estimate}" if f"{prefix}{estimate}" in answers else estimate
     if study.is_formula(model) or column not in answers:

@@ -39,7 +39,7 @@ from studies.mechanics.model_choice import along_shear
 from studies.mechanics.path_solver import Answer, frequency_unit
 from studies.mechanics.solve_plan import IMPOSSIBLE
 from studies.mechanics.study_cases import Batch, Columns, Plan, Problem, Recent
-from studies.quantities import QUANTITIES, Part, Quantity
+from studies.quantities import QUANTITIES, Quantity
 from studies.sweeps.sweep_columns import SweepColumns, prefixes, status_columns
 
 NAN = math.nan
@@ -470,16 +470,11 @@ def stored_columns(quantity: Quantity, batch: Batch, answers: Sequence[Answer]) 
             estimates = [
                 answer.error_estimate if quantity.path else answer.estimates.get(part.estimate) for answer in answers
             ]
-            table[f"{part.name}_error_estimate"] = _of_answers(batch, estimates)
+            table[part.estimate_column] = _of_answers(batch, estimates)
         if part.half_width:
             values = _of_answers(batch, [answer.values.get(part.half_width) for answer in answers])
             table[f"{part.column}_half_width"] = part.scaled(values, batch.E, D)
     return table
-
-
-def _estimate(answer: Answer, part: Part) -> float | None:
-    """Return the estimated relative error of a part; a path of its own has one alone."""
-    return answer.estimates.get(part.estimate) if answer.response else answer.error_estimate
 
 
 def _critical_columns(_: Plan, batch: Batch, answers: Sequence[Answer]) -> Columns:

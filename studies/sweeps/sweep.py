@@ -42,7 +42,7 @@ from studies.mechanics.study_cases import (
 from studies.output import atomic_files, console, table_files
 from studies.output.records import FlatRow
 from studies.output.result import Result, Table
-from studies.quantities import QUANTITIES, stored_parts
+from studies.quantities import QUANTITIES
 from studies.sweeps.study_rows import Rows, Solved, flat_rows
 from studies.sweeps.sweep_columns import status_columns
 
@@ -393,11 +393,9 @@ def _compared(row: FlatRow) -> tuple[tuple[str, str], tuple[str, ...]]:
 def _main_columns(row: FlatRow, case: Sequence[str]) -> tuple[str, ...]:
     results, errors = _compared(row)
     answers = [key for name in results for key in row if key.endswith(f"_{name}")]
-    asked = [
-        part.column for each in QUANTITIES.values() for part in each.parts if each.derive or part in stored_parts()
-    ]
     others = [key for key in row if key.startswith(("decoded_", "critical_", "mode1_", "response_", "loop_"))]
-    others += [key for column in asked for key in row if key.endswith(f"_{column}")]
+    own = [part.column for each in QUANTITIES.values() if each.of_states for part in each.parts]
+    others += [key for column in own for key in row if key.endswith(f"_{column}")]
     judged = [key for error in errors for key in row if key.endswith(error)]
     return (*case, *answers, *judged, *others, "fem_tilt_rad", "chosen_model", "status")
 

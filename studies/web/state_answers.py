@@ -11,6 +11,7 @@ whatever the friction of the shear. The stability comes first from the surrogate
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -23,7 +24,6 @@ from fem.accuracy import LEVELS
 from fem.analyses import modes, stability
 from fem.equilibrium import trace
 from fem.solution import Solution
-from geometry import design_digest
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.loads import ANSWERED, Load, Magnet, Response
@@ -75,7 +75,6 @@ def numbers(
         "load": {"depth": solution.load.depth, "shear": list(solution.load.imposed_shear)},
         "response": response_data(solution.response),
         "estimates": widths,
-        "stored": stored(solution, state.design),
         "seconds": solution.seconds,
         "readings": readings(state.design, solution.response, widths),
         "decoded": None if decoder is None else decoded(decoder, solution.response, widths),
@@ -84,7 +83,7 @@ def numbers(
     if made is not None:
         data |= _of_made_sensor(data, state.design, solution.response, made)
     tables = {
-        "response": _response_table(data),
+        "response": _response_table(data, stored_rows(solution, state.design)),
         "readings": _readings_table(data),
         "decoded": _decoded_table(data),
     }
@@ -156,15 +155,14 @@ def response_data(response: Response) -> Data:
     }
 
 
-def stored(solution: Solution, design: Design) -> list[Data]:
-    """Return the rows of what a state holds beside its response (`studies.quantities`)."""
-    row = state_rows.stored_columns(solution, design_digest.of_mechanics(design))
-    found = []
+def stored_rows(solution: Solution, design: Design) -> list[Data]:
+    """Return the rows of what a state holds beside its response (`studies.quantities`), with half widths."""
+    row, rows = state_rows.stored_columns(solution, design.E, design.D), []
     for part in quantities.stored_parts():
-        value, share = row[part.column], row.get(f"{part.name}_error_estimate")
-        half = row.get(f"{part.column}_half_width", _times(share, value))
-        found.append(number(part.name.replace("_", " "), quantities.UNITS[part.unit], value, half))
-    return found
+        value = row[part.column]
+        half = row.get(f"{part.column}_half_width", _times(row.get(part.estimate_column), value))
+        rows.append(number(part.name.replace("_", " "), quantities.UNITS[part.unit], value, half))
+    return rows
 
 
 def half_widths(solution: Solution) -> Data:
@@ -379,7 +377,7 @@ def by_finite_elements(design: Design, magnet: Magnet, level: str) -> Data:
 # Tables of rows with words, units and half widths, notes below them, and figures
 
 
-def _response_table(data: Data) -> Data:
+def _response_table(data: Data, stored: Sequence[Data]) -> Data:
     response, widths, formulas = data["response"], data["estimates"], data["formulas"]
     is_known = widths["force"] is not None
 
@@ -397,7 +395,7 @@ def _response_table(data: Data) -> Data:
     rows += [row(f"shift along {axis}", "mm", "shift", k) for k, axis in enumerate("xyz")]
     rows += [row("tilt towards x", "deg", "tilt"), row("tilt towards y", "deg", "tilt_y")]
     rows.append(row("contact radius", "mm", "contact_radius"))
-    rows += [each if is_known or each["value"] is None else each | {"half_width": PENDING} for each in data["stored"]]
+    rows += [each if is_known or each["value"] is None else each | {"half_width": PENDING} for each in stored]
     notes = {
         level: " ".join(filter(None, [data["calibration"], one["message"] and f"Formula {level}: {one['message']}"]))
         for level, one in formulas.items()
