@@ -120,6 +120,7 @@ class Quantity:
     ----------
     usual : whether studies that name no quantities have it; `sideways`: if loads act sideways.
     of_sensor : whether it needs no load.
+    solved : whether only finite elements that are solved answer it, not the surrogate.
     derive : returns the values of the only part from columns of fields and of the model's answers, shape (n,) each.
     """
 
@@ -128,6 +129,7 @@ class Quantity:
     usual: Literal["", "always", "sideways"] = ""
     path: Path | None = None
     of_sensor: bool = False
+    solved: bool = False
     derive: Callable[[Mapping[str, Array]], Array] | None = None
 
     @property
@@ -193,6 +195,7 @@ _LIST = (
                 scale=(1, 0),
             ),
         ),
+        solved=True,
     ),
     Quantity(
         "sideways_stiffness",
@@ -205,6 +208,7 @@ _LIST = (
                 half_width="sideways_half_width",
             ),
         ),
+        solved=True,
     ),
     Quantity(
         "stiffness",
@@ -212,7 +216,7 @@ _LIST = (
         derive=_stiffness,
     ),
     Quantity("readings", (Part("S1", "V", "output of S1"),), usual="always"),
-    Quantity("decoded_force_error", ()),
+    Quantity("decoded_force_error", (), solved=True),
     Quantity(
         "critical_depth",
         (

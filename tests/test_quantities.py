@@ -138,3 +138,17 @@ def test_only_the_sensor_s_own_quantities_need_no_load():
         True,
         True,
     ]
+
+
+@pytest.mark.parametrize(
+    ("quantity", "model"),
+    [
+        ("contact_pressure", "surrogate"),
+        ("sideways_stiffness", "surrogate"),
+        ("critical_depth", "surrogate"),
+        ("strain", "paper"),
+    ],
+)
+def test_a_quantity_that_no_model_answers_is_refused(quantity, model):
+    with pytest.raises(magtip.BadInput, match=f"quantity {quantity} needs finite elements"):
+        magtip.answer(PRESSES, [model], quantities=[quantity])

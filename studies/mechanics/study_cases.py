@@ -32,7 +32,6 @@ from geometry.loads import Load, Magnet, check_load
 from studies.inputs import study_input, user_input
 from studies.inputs.study_input import DESIGN, LOAD, LOADS, Factor
 from studies.inputs.user_input import Value
-from studies.mechanics.path_solver import KINDS
 from studies.mechanics.timed_quantities import STILL, TIMED, PlateMotion, check_motion, motion_of
 from studies.quantities import QUANTITIES
 
@@ -418,9 +417,13 @@ def completed(plan: Plan, without: Sequence[str] = ()) -> Plan:
     asked = plan.quantities or tuple(
         name for name, each in QUANTITIES.items() if each.usual in usual and name not in without
     )
-    for name in ("decoded_force_error", *KINDS):
-        if name in asked and not plan.solves:
-            raise BadInput(f"quantity {name} needs finite elements: add a model such as standard")
+    for each in (QUANTITIES[name] for name in asked):
+        if (each.solved or each.path) and not plan.solves:
+            raise BadInput(f"quantity {each.name} needs finite elements: add a model such as standard")
+        if each.of_states and not each.derive and not plan.fem:
+            raise BadInput(
+                f"quantity {each.name} needs finite elements or the surrogate: add a model such as standard"
+            )
     if "decoded_force_error" in asked and not plan.formulas:
         raise BadInput("quantity decoded_force_error needs a level of the formulas: add a model such as finite")
     check_motion({*plan.axes, *plan.load}, asked)
