@@ -272,6 +272,10 @@ def best_maps(main: pd.DataFrame) -> list[Figure]:
     return figures
 
 
+LEAST_DRAWN = 0.01
+"""Least error of a reading that a figure shows, % of full scale."""
+
+
 def split_figure(means: Sequence[Row]) -> Figure:
     import altair as alt
 
@@ -281,9 +285,10 @@ def split_figure(means: Sequence[Row]) -> Figure:
         | {"panel": row["load"], "series": part}
         for row, part in product(means, PARTS)
     )
-    data = data.dropna(ignore_index=True)
+    data = data[data[y] >= LEAST_DRAWN].reset_index(drop=True)
     points = alt.Chart().mark_point().encode(x=alt.X(x, sort=None), y=alt.Y(y, **LOG), **styles(PARTS))
-    return Figure("Parts of the errors of readings", "", panels(points, data, columns=1), data)
+    said = f"Parts below {LEAST_DRAWN:g} % are left out."
+    return Figure("Parts of the errors of readings", said, panels(points, data, columns=1), data)
 
 
 # Findings
