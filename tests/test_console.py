@@ -19,7 +19,7 @@ TABLES = sorted(str(path.relative_to(RESULTS)) for path in RESULTS.rglob("*.csv"
 
 
 @cache
-def rows_of(name, most=40):
+def rows_of(name, most=12):
     def value(text):
         try:
             return float(text)

@@ -516,8 +516,8 @@ def fit_with_noise(sensor: Sensor, measured: Array, warmer: Array) -> Fit:
     for _ in range(NOISE_ROUNDS):
         found = fit(sensor, measured, warmer)
         before = sensor.force_errors(measured[:, k : k + 3])
-        sensor, told = _with_noise_of(found, measured, warmer)
-        if not told:
+        sensor, is_measured = _with_noise_of(found, measured, warmer)
+        if not is_measured:
             sensor = dataclasses.replace(sensor, force_noise=given.force_noise, force_share=given.force_share)
             break
         after = sensor.force_errors(measured[:, k : k + 3])
