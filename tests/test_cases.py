@@ -23,8 +23,8 @@ from geometry.design import BadInput, paper
 from geometry.loads import Load
 from geometry.relaxation import relaxation_of
 from studies import cases
+from studies.beam import surrogate_response
 from studies.inputs.study_input import Factor, grid, problem
-from studies.mechanics import surrogate_response
 from studies.mechanics.path_solver import Answer, answer, place
 from studies.mechanics.solve_plan import Processes
 from studies.mechanics.store import State

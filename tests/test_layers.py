@@ -49,7 +49,9 @@ def top(node):
     return {node.module.split(".")[0]}
 
 
-STUDIES = "output inputs mechanics sensing sweeps cases simulation fabrication parts sensitivity calibration firmware"
+STUDIES = (
+    "output inputs beam mechanics sensing sweeps cases simulation fabrication parts sensitivity calibration firmware"
+)
 STUDIES = [
     "deferred_modules",
     "quantities",

@@ -14,10 +14,11 @@ from fem.equilibrium import trace
 from fem.physics_version import PHYSICS
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load
-from studies.mechanics import model_choice, prediction, surrogate_file, surrogate_range, surrogate_response
+from studies.beam import prediction, surrogate_file, surrogate_range, surrogate_response
+from studies.beam.surrogate_file import GaussianProcess, correlation, with_constant
+from studies.beam.surrogate_response import respond
+from studies.mechanics import model_choice
 from studies.mechanics.model_choice import Choice, Statement, choose, region, statements, unmet
-from studies.mechanics.surrogate_file import GaussianProcess, correlation, with_constant
-from studies.mechanics.surrogate_response import respond
 from studies.validation.surrogate.surrogate_training import random_beams
 
 PAPER = (np.array([1.125]), np.array([0.5]), np.array([0.25]), np.array([0.4998]))

@@ -11,8 +11,8 @@ import pytest
 from analytic import beam, hall
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load
+from studies.beam import surrogate_response
 from studies.inputs.option_groups import Sampling, Solves
-from studies.mechanics import surrogate_response
 from studies.sensitivity import sensitivity_study
 from studies.sensitivity.beam_motions import QUANTITIES, Press, motions, names, readings, sampled_outputs
 from studies.sensitivity.global_sensitivity import (

@@ -9,9 +9,9 @@ import pytest
 
 from fem.accuracy import QUICK
 from geometry.bad_input import BadInput
-from studies.mechanics import prediction, surrogate_file, surrogate_range
-from studies.mechanics.prediction import Beams
-from studies.mechanics.surrogate_file import GaussianProcess
+from studies.beam import prediction, surrogate_file, surrogate_range
+from studies.beam.prediction import Beams
+from studies.beam.surrogate_file import GaussianProcess
 from studies.output.goals import missed
 from studies.output.result import write
 from studies.validation.surrogate import surrogate_study

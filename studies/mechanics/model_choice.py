@@ -169,7 +169,7 @@ def versions() -> dict[str, str]:
     to a few loads to five digits. Half widths are no part of it: no bound rests on them, and `choose` takes those of
     the file in use.
     """
-    from studies.mechanics import surrogate_response
+    from studies.beam import surrogate_response
 
     found: dict[str, str] = {model: str(PHYSICS[model]) for model in SOLVED}
     cases = [(design, load) for design in (paper(), replace(paper(), L=14.0)) for load in VERSION_LOADS]
@@ -405,7 +405,7 @@ def _bound(known: Sequence[Statement], design: Design, load: Load, place: Region
             return None
         response, largest = beam.solve(design, load, level), own.bound(readings=has_magnet)
     else:
-        from studies.mechanics import surrogate_response
+        from studies.beam import surrogate_response
 
         (estimate,) = surrogate_response.respond_all([(design, load, magnet)])
         if isinstance(estimate, str):

@@ -84,7 +84,7 @@ class Target:
 
 def surrogate_answers(problems: Sequence[Problem]) -> list[Answer]:
     """Return the surrogate's answers; their error estimates are half widths of 90 % intervals."""
-    from studies.mechanics import surrogate_response
+    from studies.beam import surrogate_response
 
     possible = [(k, (p.design, p.load, p.magnet)) for k, p in enumerate(problems) if p.design and p.load]
     answers = [replace(IMPOSSIBLE, message=problem.message) for problem in problems]

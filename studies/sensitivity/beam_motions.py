@@ -21,9 +21,9 @@ from analytic.parts import common_values
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.loads import Load
+from studies.beam import surrogate_range, surrogate_response
+from studies.beam.prediction import Beams
 from studies.inputs import study_input
-from studies.mechanics import surrogate_range, surrogate_response
-from studies.mechanics.prediction import Beams
 from studies.mechanics.study_cases import varied
 from studies.sensing.field_readings import columns as element_columns
 from studies.sensitivity.made_sensors import possible

@@ -28,7 +28,7 @@ from analytic.inverse.response_surface import of_formula, of_samples
 from geometry.bad_input import SolveFailed
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Response
-from studies.mechanics import surrogate_range, surrogate_response
+from studies.beam import surrogate_range, surrogate_response
 from studies.sensing.decode_readings import RESPONSES, Source, of_file, of_level
 
 if TYPE_CHECKING:

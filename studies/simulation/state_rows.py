@@ -19,7 +19,7 @@ from studies.quantities import stored_parts
 if TYPE_CHECKING:
     from analytic.hall import Readings
     from fem.solution import Facts, Solution
-    from studies.mechanics.surrogate_response import Estimate
+    from studies.beam.surrogate_response import Estimate
 
 FACTS = (
     "stop",

@@ -135,7 +135,7 @@ def _checked(row: FlatRow, design: Design, like: Load, choice: Choice) -> FlatRo
 
 def _unsolved_row(design: Design, load: Load, magnet: Magnet, choice: Choice) -> FlatRow:
     from analytic import beam
-    from studies.mechanics import surrogate_response
+    from studies.beam import surrogate_response
 
     begin = time.perf_counter()
     made_for = design_digest.of_mechanics(design, magnet)

@@ -1,7 +1,7 @@
 """Responses of n beams as smooth functions of depth and shear, and the states under required loads.
 
 The same functions serve the surrogate, for thousands of beams at once, and finite elements, for the beams of a front.
-A source of responses (`studies.mechanics.prediction.Beams`, or those of finite elements) is evaluated at few depths
+A source of responses (`studies.beam.prediction.Beams`, or those of finite elements) is evaluated at few depths
 and shears. Between them:
 
 - under a press, a response is a polynomial in the root of the depth, because the contact radius grows like it;
@@ -25,7 +25,7 @@ import numpy as np
 from numpy.polynomial import chebyshev
 
 from geometry.arrays import Array
-from studies.mechanics import surrogate_range
+from studies.beam import surrogate_range
 
 PRESS_DEPTHS = 8
 """Number of depths under a press."""

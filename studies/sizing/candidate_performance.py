@@ -33,7 +33,7 @@ from analytic.inverse.forward_model import readings_of_sensors
 from geometry.arrays import Array, Ints
 from geometry.base import LEAST_GAP
 from geometry.fabrication.hall_elements import SS495A
-from studies.mechanics import surrogate_range
+from studies.beam import surrogate_range
 from studies.parts.catalogues import PRESS_GAP, SPRING_GAP
 from studies.parts.requirements import Requirements
 from studies.sizing.beam_curves import (

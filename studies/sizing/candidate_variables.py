@@ -26,7 +26,7 @@ from geometry.design import LEAST_WALL, BadInput, Design
 from geometry.fabrication.hall_elements import SS495A, WEB
 from geometry.fabrication.printability import PROCESSES
 from geometry.hall_chips import CIRCLES, least_radius
-from studies.mechanics import prediction, surrogate_range
+from studies.beam import prediction, surrogate_range
 from studies.parts.catalogues import Catalogues, HallPartEntry, MagnetEntry, SiliconeEntry
 from studies.parts.requirements import Requirements
 

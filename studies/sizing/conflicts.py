@@ -17,7 +17,7 @@ import numpy as np
 
 from geometry.bad_input import BadInput
 from geometry.messages import Progress
-from studies.mechanics import surrogate_range
+from studies.beam import surrogate_range
 from studies.mechanics.tasks import finished
 from studies.output import page_templates
 from studies.output.records import FlatRow

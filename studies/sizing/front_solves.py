@@ -31,10 +31,10 @@ from fem.scene import Model
 from geometry.arrays import Array, Ints
 from geometry.design import Design
 from geometry.loads import Load
+from studies.beam import surrogate_range
+from studies.beam.prediction import Quantity
 from studies.cases import FiniteElements
-from studies.mechanics import surrogate_range
 from studies.mechanics.path_solver import frequency_unit
-from studies.mechanics.prediction import Quantity
 from studies.mechanics.tasks import finished
 from studies.output.records import FlatRow
 from studies.sizing import front_yield

@@ -13,7 +13,7 @@ from geometry.arrays import Array, Ints
 from geometry.base import Base, outer_size, plan
 from geometry.fabrication.hall_elements import SS495A
 from geometry.mold import Mold, sizes
-from studies.mechanics import prediction
+from studies.beam import prediction
 from studies.parts.requirements import Requirements
 from studies.sensitivity.made_sensors import MadeSensors
 from studies.sizing.candidate_variables import Candidates, Variant

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from geometry.arrays import Array, Ints
 from geometry.design import BadInput
 from geometry.messages import Progress
-from studies.mechanics import surrogate_range
+from studies.beam import surrogate_range
 from studies.mechanics.tasks import finished
 from studies.parts.catalogues import Catalogues
 from studies.parts.requirements import AT_LEAST, Requirements

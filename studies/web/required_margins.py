@@ -17,8 +17,8 @@ import numpy as np
 from geometry.design import BadInput, Design
 from geometry.loads import Load
 from geometry.messages import Progress
+from studies.beam import surrogate_range, surrogate_response
 from studies.inputs import user_input
-from studies.mechanics import surrogate_range, surrogate_response
 from studies.parts.catalogues import catalogues_of
 from studies.parts.requirements import Requirements, read_requirements, stated_requirements
 from studies.sizing import candidate_performance, sensor_arrays, variant_search

@@ -28,7 +28,7 @@ from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.loads import ANSWERED, Load, Magnet, Response
 from studies import quantities
-from studies.mechanics import surrogate_range, surrogate_response
+from studies.beam import surrogate_range, surrogate_response
 from studies.mechanics.path_solver import frequency_unit
 from studies.simulation import state_rows
 from studies.simulation.compare import default_loads

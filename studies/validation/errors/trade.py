@@ -32,8 +32,9 @@ from geometry.arrays import Array
 from geometry.design import BadInput
 from geometry.loads import Load, Magnet, Response
 from geometry.messages import Progress
+from studies.beam import surrogate_response
 from studies.cases import FemModel
-from studies.mechanics import model_choice, surrogate_response
+from studies.mechanics import model_choice
 from studies.mechanics.model_choice import ANY_REGION, Choice, Statement
 from studies.output import records
 from studies.output.atomic_files import json_line, write_text

@@ -28,12 +28,12 @@ from fem.accuracy import QUICK, STANDARD, Accuracy, longer_edges
 from geometry.arrays import Array
 from geometry.bad_input import BadInput
 from geometry.messages import Progress
+from studies.beam import prediction, surrogate_file, surrogate_range
+from studies.beam.prediction import CRITICAL, DEEP, PRESS, SHEAR, SLENDER, STRAIN, THICK, WIDE, Quantity
+from studies.beam.surrogate_file import GaussianProcess, Group, Surrogate, correlation
 from studies.cases import FiniteElements
 from studies.inputs.option_groups import Whole
-from studies.mechanics import prediction, surrogate_file, surrogate_range
-from studies.mechanics.prediction import CRITICAL, DEEP, PRESS, SHEAR, SLENDER, STRAIN, THICK, WIDE, Quantity
 from studies.mechanics.solve_plan import Processes
-from studies.mechanics.surrogate_file import GaussianProcess, Group, Surrogate, correlation
 from studies.output.figures import LOG, Figure, panels, save, styles
 from studies.output.goals import Goal
 from studies.output.provenance import versions

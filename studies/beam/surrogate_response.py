@@ -16,8 +16,8 @@ import numpy as np
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Magnet, Response, check_load
-from studies.mechanics import prediction, surrogate_range
-from studies.mechanics.prediction import Beams, Quantity
+from studies.beam import prediction, surrogate_range
+from studies.beam.prediction import Beams, Quantity
 
 REMEDY = ": take finite elements"
 

@@ -129,7 +129,7 @@ def correlation(one: Array, other: Array) -> Array:
 FILE = Path(__file__).with_name("surrogate.npz")
 """The shipped surrogate, written by `magtip validate surrogate`."""
 FORMAT = 2
-"""Version of the file's format, and of what its numbers mean (`studies.mechanics.prediction`)."""
+"""Version of the file's format, and of what its numbers mean (`studies.beam.prediction`)."""
 ANSWERS: tuple[Literal["axisymmetric", "harmonic", "critical depth", "modes"], ...]
 ANSWERS = ("axisymmetric", "harmonic", "critical depth", "modes")
 """Finite elements that the surrogate is trained on, calibrated and tested by (`fem.physics_version`)."""
@@ -141,7 +141,7 @@ class Group:
     """A Gaussian process of several quantities at several nodes.
 
     `quantiles`: by quantity, 90 % quantile of the errors of training beams that were left out, over g and over the
-    yardstick of the quantity (see `studies.mechanics.prediction`), by region and node, shape (regions, nodes).
+    yardstick of the quantity (see `studies.beam.prediction`), by region and node, shape (regions, nodes).
     """
 
     process: GaussianProcess

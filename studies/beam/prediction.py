@@ -31,9 +31,9 @@ from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
 from geometry.arrays import Array
-from studies.mechanics import surrogate_file, surrogate_range
-from studies.mechanics.surrogate_file import Group, Surrogate
-from studies.mechanics.surrogate_range import SHEAR_NODES
+from studies.beam import surrogate_file, surrogate_range
+from studies.beam.surrogate_file import Group, Surrogate
+from studies.beam.surrogate_range import SHEAR_NODES
 
 PRESS = ("force", "shift", "contact_radius")
 STRAIN = ("strain", "sideways_ratio")

@@ -1,0 +1,1 @@
+"""One beam under presses and shears, dimensionless, by any source of its answers."""
