@@ -17,6 +17,7 @@ import worker_tasks
 from PIL import Image
 
 from geometry import base
+from geometry.cad import beam_volume
 from geometry.design import BadInput, paper
 from geometry.fabrication import hall_elements
 from geometry.fabrication.printability import Check
@@ -77,10 +78,12 @@ def test_the_recipe_names_files_volumes_and_checks(made):
         "board.dxf",
     ):
         assert name in text
-    # 385.37 mm³ of beam less 75.39 of pin, then the pin less 25.08 of magnet
-    assert "| first: the beam round the pin | 0.310 | 2.46 | 2.66 |" in text
-    assert "| second: over the magnet | 0.050 | 2.08 | 2.24 |" in text
+    # 385.37 mm³ of beam less 75.39 of pin, then the pin less 25.08 of magnet; B is filled with the whole beam
+    assert "| first: the beam round the pin | 1 | 0.310 | 0.385 | 2.48 | 2.68 | - | - |" in text
+    assert "| second: over the magnet | 1 | 0.050 | 0.050 | 2.06 | 2.23 | - | - |" in text
     assert "north pole up" in text
+    # the magnet's top of the paper's beam, L - D/2 - h/2 below the base plane
+    assert "must then lie 4.00 mm below B's rim" in text
     assert "nan" not in text
 
 
@@ -97,7 +100,8 @@ def test_no_cure_is_hotter_than_mould_and_magnet_stand():
 
 
 MIX = {"name": "Sylgard 184", "mixed": "10A:1B by weight", "hours": 48, "temperature": 23, "density": 1200.0}
-MIX |= {"moduli": (1.3, 3.0), "source": "a paper", "assumed": ("mixed", "hours")}
+MIX |= {"moduli": (1.3, 3.0), "source": "a paper", "mixed_source": "a label", "pot_life": 90}
+MIX |= {"assumed": ("mixed", "hours")}
 
 
 def recipe_text(design, choices):
@@ -112,10 +116,41 @@ def test_the_recipe_mixes_and_weighs_the_silicone_that_was_chosen():
     assert "Mix Sylgard 184 10A:1B by weight, a ratio to check on its data sheet" in text
     assert "First cure: 48 h at 23 °C, times to check on its data sheet" in text
     rows = [row.split("|") for row in text.splitlines() if row.startswith(("| first:", "| second:"))]
-    assert [float(row[4]) for row in rows] == pytest.approx([1.2 * float(row[3]) for row in rows], abs=0.013)
-    assert "Masses are those of Sylgard 184 with 1200 kg/m³." in text
+    for *_, volume, mass, A, B, _ in rows:
+        assert float(mass) == pytest.approx(1.2 * float(volume), abs=0.013)
+        assert float(A) == pytest.approx(10 * float(B))
+        assert 0 <= float(A) + float(B) - float(mass) < 0.12
+    assert "masses those of Sylgard 184 with 1200 kg/m³." in text
     read = MIX | {"assumed": ()}
-    assert "10A:1B by weight (a paper)" in recipe_text(paper(), sensor_solids.FabricationChoices(silicone=read))
+    assert "10A:1B by weight (a label)" in recipe_text(paper(), sensor_solids.FabricationChoices(silicone=read))
+
+
+def test_what_is_mixed_fills_every_cavity_to_its_rim():
+    """A slender beam's pin takes a third of it: what stays in the parts would not fill B."""
+    design = dataclasses.replace(paper(), L=20.0, l0=20.0)
+    for mold in (Mold(columns=3, rows=2), Mold(shrink=0.1)):
+        layer, glue, cover = casting_recipe.mixes_of(design, sensor_solids.FabricationChoices(mold, silicone=MIX))
+        rim = mold.columns * mold.rows * beam_volume(design.shape) / (1 - mold.shrink) ** 3 / 1e3
+        assert layer["poured_mL"] == pytest.approx(rim)
+        assert layer["mix_mL"] - casting_recipe.CUP / 1e3 > rim > layer["stays_mL"] + cover["stays_mL"]
+        assert glue["mix_mL"] > casting_recipe.CUP / 1e3
+
+
+@pytest.mark.parametrize(
+    ("pot_life", "said"), [(90, "the pot life is 90 min.\n"), (15, "degas once"), (5, "fewer cavities")]
+)
+def test_two_degassings_are_held_against_the_pot_life(pot_life, said):
+    assert said in recipe_text(paper(), sensor_solids.FabricationChoices(silicone=MIX | {"pot_life": pot_life}))
+
+
+def test_each_magnet_that_repels_has_a_batch_of_glue_and_a_cure_of_its_own():
+    design = dataclasses.replace(paper(), D=12.0, L=14.0, l0=10.5, magnet_diameter=6.0, magnet_height=3.0)
+    for columns, batches in ((1, 1), (2, 2)):
+        recipe = casting_recipe.recipe_of(
+            design, sensor_solids.FabricationChoices(Mold(columns=columns), silicone=MIX)
+        )
+        assert recipe["mixes"][1]["batches"] == batches
+        assert recipe["total_h"] == casting_recipe.HANDLING + 48 * (2 + batches)
 
 
 def test_neighbouring_magnets_are_glued_one_after_another():
@@ -124,7 +159,7 @@ def test_neighbouring_magnets_are_glued_one_after_another():
     assert "repel with 0.043 N, 6.9 times their weight" in text
     assert "stay by themselves from 32.2 mm" in text
     assert text.index("one after another") < text.index("Let the glue cure") < text.index("Second pour")
-    assert "repel" not in recipe_text(design, sensor_solids.FabricationChoices())
+    assert "one after another" not in recipe_text(design, sensor_solids.FabricationChoices())
 
 
 def test_assembly_and_mould_are_named_and_coloured(made):

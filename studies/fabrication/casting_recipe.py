@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from analytic import magnet as magnet_field
 from geometry.base import Plan
+from geometry.cad import beam_volume
 from geometry.design import Design
 from geometry.fabrication import board_drawing
 from geometry.mold import BOLT, EAR_DEPTH, Mold, pours, sizes
@@ -20,11 +22,27 @@ if TYPE_CHECKING:
 MARK = "# Magnetic force sensor, D = "
 """First words of the file, by which `magtip cad` recognises a README.md that it wrote itself."""
 
-WASTE = 0.5
-"""Surplus of silicone for vents and rim, as a share of what fills the mould."""
+WASTE = 0.25
+"""Surplus of silicone for vents and spills, as a share of what is poured."""
 
 CUP = 2000.0
 """Silicone that stays in a mixing cup, mm³; it is added to what is mixed for each pour."""
+
+DROP = 50.0
+"""Silicone that glues a magnet, mm³: a drop."""
+
+BALANCE = 0.01
+"""Step of the balance, g; the masses of the parts are whole steps."""
+
+RATIO = re.compile(r"\s*(\d+(?:\.\d+)?)\s*A\s*:\s*(\d+(?:\.\d+)?)\s*B\b.*\bweight\b", re.IGNORECASE)
+"""Form of a ratio by weight, such as 10A:1B by weight; a ratio of another form gives no mass of each part."""
+
+MIXING, DEGASSING, FILLING = 3.0, 8.0, 1.0
+"""Minutes that it takes to weigh and mix, to degas until the silicone has risen and fallen and no bubbles come, and
+to fill a cavity and close it: what a careful beginner needs, assumed."""
+
+HANDLING = 2.0
+"""Hours of work beside the cures: release agent, primer, cleaning, gluing and trimming, assumed."""
 
 
 MATERIALS = {
@@ -65,6 +83,9 @@ def recipe_of(design: Design, choices: FabricationChoices) -> FlatRow:
     dowels, screws : pins that align the halves of a split mould, and screws that clamp them, long enough for two
         washers and a nut; None if the mould is not split.
     silicone : None where the design names none.
+    mixes : see `mixes_of`.
+    first_pour_min : time from mixing to the end of the second degassing of the first pour.
+    total_h : time of all steps with cures as the silicone's data sheet states them; None where it is unknown.
     magnets_apart_mm : distance of the axes from which the magnets of neighbouring cavities stay where they are put;
         None without a magnet.
     """
@@ -84,8 +105,55 @@ def recipe_of(design: Design, choices: FabricationChoices) -> FlatRow:
         "dowels": s.ears and {"count": 2, "diameter_mm": s.dowel, "length_mm": length, "hole_mm": s.dowel_hole},
         "screws": s.ears and {"count": 2 * len(s.ears.bolt_z), "thread": f"M{BOLT:g}", "length_mm": length + NUT},
         "silicone": choices.silicone,
+        "mixes": (mixes := mixes_of(design, choices)),
+        "first_pour_min": MIXING + 2 * DEGASSING + FILLING * len(s.centres),
+        "total_h": choices.silicone and HANDLING + choices.silicone["hours"] * sum(mix["batches"] for mix in mixes),
         "magnets_apart_mm": magnet_field.resting_distance(design),
     }
+
+
+def mixes_of(design: Design, choices: FabricationChoices) -> list[FlatRow]:
+    """Return what to mix for each pour: that of the beam round the pin, the glue of the magnets, and their cover.
+
+    batches : number of such mixes, each with a cure; neighbouring magnets that repel are glued one after another.
+    stays_mL, poured_mL, mix_mL : what stays in the parts, what is poured (the first pour fills B to its rim, and the
+        pin of A drives the surplus out), and what is mixed, of one batch.
+    mix_g, A_g, B_g : masses of the mix and of its parts; None where the ratio is unknown.
+    """
+    mold, silicone = choices.mold, choices.silicone or {}
+    count, (layer, cover) = mold.columns * mold.rows, pours(design, mold)
+    mixes = [
+        (
+            "first: the beam round the pin",
+            1,
+            count * layer,
+            count * beam_volume(design.shape) / (1 - mold.shrink) ** 3,
+        )
+    ]
+    if design.shape.has_magnet:
+        batches = count if neighbours_push(design, mold) else 1
+        drops = count / batches * DROP
+        mixes.append((f"glue of the magnet{'s' if count > 1 else ''}", batches, drops, drops))
+    if cover > 0:
+        mixes.append(("second: over the magnet", 1, count * cover, count * cover))
+    ratio, density = RATIO.match(silicone.get("mixed", "")), silicone.get("density", design.density) / 1e6
+    rows: list[FlatRow] = []
+    for pour, batches, stays, poured in mixes:
+        volume = (1 + WASTE) * poured + CUP
+        A, B = parts_by_weight(density * volume, float(ratio[1]), float(ratio[2])) if ratio else (None, None)
+        volumes = {"stays_mL": stays / 1e3, "poured_mL": poured / 1e3, "mix_mL": volume / 1e3}
+        rows.append({"pour": pour, "batches": batches, **volumes, "mix_g": density * volume, "A_g": A, "B_g": B})
+    return rows
+
+
+def parts_by_weight(mass: float, a: float, b: float) -> tuple[float, float]:
+    """Return the masses of two parts in the ratio a to b, g: at least `mass` together, in steps of the balance.
+
+    >>> parts_by_weight(2.46, 10, 1)
+    (2.3, 0.23)
+    """
+    smaller = math.ceil(mass * min(a, b) / (a + b) / BALANCE - 1e-9) * BALANCE
+    return round(smaller * a / min(a, b), 2), round(smaller * b / min(a, b), 2)
 
 
 def neighbours_push(design: Design, mold: Mold) -> tuple[float, float] | None:
@@ -126,11 +194,7 @@ def text(
     command: str,
 ) -> str:
     """Return the README.md of one design; it names `command` as its origin."""
-    mold, pour_names = choices.mold, ("first: the beam round the pin", "second: over the magnet")
-    count, mixes = mold.columns * mold.rows, []
-    for name, volume in zip(pour_names, pours(design, mold), strict=True):
-        if volume > 0:
-            mixes.append((name, count * volume, (1 + WASTE) * count * volume + CUP))
+    mold = choices.mold
     page = page_templates.rendered(
         Path(__file__).with_name("CASTING.md.j2"),
         mark=MARK,
@@ -142,8 +206,11 @@ def text(
         size=size_sentence(fabricated),
         picture=picture,
         command=command,
-        cavities=count,
-        mixes=mixes,
+        cavities=mold.columns * mold.rows,
+        balance=BALANCE,
+        degassing=DEGASSING,
+        # the tip's first layer is cut at half its height
+        flat=lambda layer: 2 * math.sqrt(layer * design.R - (layer / 2) ** 2),
         waste=WASTE,
         cup=CUP,
         margin=MARGIN,

@@ -36,8 +36,9 @@ USUAL_FACETS, FINEST_FACETS = 2000, 100000
 
 
 Mix = Mapping[str, Any]
-"""What a recipe says of a silicone: its name, the ratio in which it is mixed, hours and temperature of a cure without
-an oven, °C, its density, kg/m³, least and largest modulus, MPa, source, and which of these are assumed."""
+"""What a recipe says of a silicone: its name, the ratio in which it is mixed with its source, its pot life, min,
+hours and temperature of a cure without an oven, °C, its density, kg/m³, least and largest modulus, MPa, their
+source, and which of these are assumed."""
 
 
 @dataclass(frozen=True, slots=True)

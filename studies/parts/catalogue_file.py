@@ -175,7 +175,11 @@ class Silicone(Part):
     """Of the data sheet without an oven."""
     cure_hours: Annotated[float, number("h", 0, 1000)] = 24.0
     mixed: Text = "by its data sheet"
-    """Ratio of the parts."""
+    """Ratio of the parts; in the form 10A:1B by weight, recipes say the mass of each."""
+    mixed_source: Text = ""
+    """Of the ratio; default: source."""
+    pot_life: Annotated[float | None, number("min", 0.1, 10000)] = None
+    """Time after mixing in which it can be poured."""
 
 
 class CatalogueFile(FileTable):

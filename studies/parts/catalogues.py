@@ -208,6 +208,8 @@ class SiliconeEntry:
     cure_temperature: float
     cure_hours: float
     mixed: str
+    mixed_source: str
+    pot_life: float | None
     source: str
     assumed: tuple[str, ...]
 
@@ -348,6 +350,8 @@ def _silicone(table: Silicone) -> SiliconeEntry:
         cure_temperature=table.cure_temperature,
         cure_hours=table.cure_hours,
         mixed=table.mixed,
+        mixed_source=table.mixed_source or table.source,
+        pot_life=table.pot_life,
         source=table.source,
         assumed=tuple(name for name in table.all_assumed if known or name != "loss_frequency"),
     )
@@ -430,10 +434,12 @@ def mix_named(option: str | None, of_design: str = "") -> Mix | None:
 
 def mix_of(part: SiliconeEntry) -> Mix:
     """Return what a casting recipe needs to know of a silicone."""
-    keys = {"mixed": "mixed", "hours": "cure_hours", "density": "density"}
+    keys = {"mixed": "mixed", "hours": "cure_hours", "density": "density", "pot_life": "pot_life"}
     return {
         "name": part.name,
         "mixed": part.mixed,
+        "mixed_source": part.mixed_source,
+        "pot_life": part.pot_life,
         "hours": part.cure_hours,
         "temperature": part.cure_temperature,
         "density": part.density,
@@ -459,6 +465,7 @@ def rows(parts: Iterable[MagnetEntry | HallPartEntry | SiliconeEntry]) -> list[d
 UNITS = {
     "mm": ("diameter", "height", "edge_radius", "tolerance", "plate", "width", "thickness", "plate_height"),
     "C": ("largest_temperature", "cure_temperature"),
+    "min": ("pot_life",),
     "T": ("remanence_low", "remanence_high", "noise", "step"),
     "MPa": ("E_low", "E", "E_high"),
     "Hz": ("rate", "bandwidth", "loss_low", "loss_high"),
