@@ -1,7 +1,6 @@
 """What candidates reach, and the search for variants."""
 
 import dataclasses
-from dataclasses import dataclass
 
 import numpy as np
 import pytest
@@ -11,9 +10,10 @@ from analytic.hall import batch_readings
 from analytic.parts import of_design
 from geometry.base import Base, outer_size, plan
 from geometry.mold import Mold, sizes
+from studies.beam.beam_curves import pressed_curves, with_shears
+from studies.beam.beam_model import BeamStates, Quantity
 from studies.parts.catalogues import catalogues_of
 from studies.parts.requirements import Requirements
-from studies.sizing.beam_curves import pressed_curves, with_shears
 from studies.sizing.candidate_performance import LEAST, performance
 from studies.sizing.candidate_variables import Space, joined
 from studies.sizing.sensor_arrays import sensors_of, sensors_of_variant
@@ -256,37 +256,21 @@ STIFFNESS = np.array([1.0, 3.0])
 LOW, HIGH = np.array([0.04, 0.05]), np.array([0.25, 0.19])
 
 
-@dataclass
-class Exact:
-    value: np.ndarray
-
-    @property
-    def half_width(self):
-        return 0.01 * self.value
-
-
 class KnownBeams:
     """Beams with responses in closed form: powers of the root of the depth, and of the shear."""
 
-    def press(self, depth):
-        k = STIFFNESS[:, None]
-        return {
-            "force": Exact(k * depth**1.5 * (1 + depth)),
-            "shift": Exact(0.6 * depth),
-            "strain": Exact(2 * np.sqrt(depth)),
-        }
-
-    def shear(self, depth, shear):
+    def states(self, depth, shear):
         k, root = STIFFNESS[:, None], np.sqrt(depth)
-        press = self.press(depth)
-        return {
-            "force_x": Exact(k * shear * (0.4 + 0.3 * root + 0.2 * shear**2)),
-            "force_z": Exact(press["force"].value - 0.1 * k * shear**2 * (root + shear**2)),
-            "shift_x": Exact(shear * (0.7 - 0.2 * shear**2)),
-            "shift_z": Exact(press["shift"].value + shear**2 * 0.3 * root),
-            "tilt": Exact(shear * (0.5 + root)),
-            "strain": Exact(2 * root * np.exp(shear**2)),
+        force, shift, square = k * depth**1.5 * (1 + depth), 0.6 * depth, shear**2
+        values = {
+            "force_x": k * shear * (0.4 + 0.3 * root + 0.2 * square),
+            "force_z": force - 0.1 * k * square * (root + square),
+            "shift_x": shear * (0.7 - 0.2 * square),
+            "shift_z": shift + square * 0.3 * root,
+            "tilt": shear * (0.5 + root),
+            "strain": 2 * root * np.exp(square),
         }
+        return BeamStates({name: Quantity(value, 0.01 * value) for name, value in values.items()}, None)
 
 
 @pytest.fixture(scope="module", params=[(0.5, 1.0), (0.2, 0.5, 0.8, 1.0)])
@@ -302,7 +286,7 @@ def test_between_depths_and_shears(curves):
     values, slopes, along = curves.sheared(DEPTH, SHEAR)
     step = 1e-6
     for k, name in enumerate(("shift_x", "shift_z", "tilt", "force_x", "force_z", "strain")):
-        exact = KnownBeams().shear(DEPTH, SHEAR)[name].value
+        exact = KnownBeams().states(DEPTH, SHEAR).quantities[name].value
         assert values[..., k] == pytest.approx(exact, rel=2e-3), name
         for way, slope in ((0, slopes), (1, along)):
             if name == "strain":
@@ -312,7 +296,7 @@ def test_between_depths_and_shears(curves):
 
 
 def test_a_state_has_both_forces(curves):
-    exact = KnownBeams().shear(DEPTH, SHEAR)
+    exact = KnownBeams().states(DEPTH, SHEAR).quantities
     state = curves.states(exact["force_z"].value, exact["force_x"].value)
     assert state.depth == pytest.approx(DEPTH, rel=2e-3)
     assert state.shear == pytest.approx(SHEAR, rel=5e-3)
@@ -321,7 +305,7 @@ def test_a_state_has_both_forces(curves):
 
 
 def test_a_press_alone_is_the_press(curves):
-    force = KnownBeams().press(DEPTH)["force"].value
+    force = KnownBeams().states(DEPTH, np.zeros_like(DEPTH)).quantities["force_z"].value
     state = curves.states(force, np.zeros_like(force))
     assert state.depth == pytest.approx(DEPTH, rel=1e-3)
     assert state.strain == pytest.approx(2 * np.sqrt(DEPTH), rel=2e-3)

@@ -1,5 +1,6 @@
 """The decoder and its forward model: round trips, all poses, few states, streams, and readings that no pose gives."""
 
+import contextlib
 import dataclasses
 import math
 import time
@@ -22,6 +23,16 @@ CHIPS = Design(hall_layout="tmag5273a1", chip_x=3.0, chip_count=3, l0=7.5)
 FOLDED = Design(l0=6.0, c=2.5, hall_low=0, hall_null=50, hall_high=100)
 
 
+def fitted(solve, depth, shear):
+    """Mechanics through the answers of a model to loads up to a depth and a shear."""
+    samples = []
+    for d, s in zip(*response_surface.loads_between(depth, shear), strict=True):
+        with contextlib.suppress(BadInput):
+            load = Load(float(d), float(s), friction="stick")
+            samples.append((load, solve(load)))
+    return response_surface.of_samples(samples)
+
+
 def tilting(design, per_mm=0.1):
     """Mechanics of the paper's formulas with a tilt that grows with the shift."""
 
@@ -29,7 +40,7 @@ def tilting(design, per_mm=0.1):
         found = beam.solve(design, load)
         return dataclasses.replace(found, tilt=per_mm * found.shift[0], tilt_y=per_mm * found.shift[1])
 
-    return response_surface.of_formula(solve, 4.0, 5.0)
+    return fitted(solve, 4.0, 5.0)
 
 
 def poses(coder, count, seed=1):
@@ -298,7 +309,7 @@ def test_mechanics_of_a_contact_and_of_few_states():
         w = brentq(lambda w: w + (3 * w / 5) ** (2 / 3) - load.depth, 0, load.depth) if load.depth else 0.0
         return Response((0.8 * load.shear_x, 0, 3 * w), (0.5 * load.shear_x, 0, -w), 0.06 * load.shear_x, 1.0)
 
-    law = response_surface.of_formula(contact, 3.0, 3.0)
+    law = fitted(contact, 3.0, 3.0)
     assert law.errors[0] < 1e-10
     assert law.errors[2] < 1e-10
     assert law.errors[3] < 0.02
@@ -309,7 +320,7 @@ def test_mechanics_of_a_contact_and_of_few_states():
 
 @pytest.mark.parametrize("level", ["paper", "finite"])
 def test_forces_have_shifts_within_the_mechanics_only(level):
-    law = response_surface.of_formula(lambda load: beam.solve(paper(), load, level), 2.0, 2.0)
+    law = fitted(lambda load: beam.solve(paper(), load, level), 2.0, 2.0)
     low, high = response_surface.workspace(paper(), law)
     normal, tangential = (v.ravel() for v in np.meshgrid(np.linspace(0.5, 3, 6), np.linspace(0, 0.6, 5)))
     u, w = response_surface.shifts_of_forces(law, low, high, tangential, normal)
@@ -328,7 +339,7 @@ def test_forces_have_shifts_within_the_mechanics_only(level):
 def test_beyond_its_samples_a_tilt_stays_near_their_range():
     """Without the range, the polynomial turns this magnet by 60 rad at the upper corner of the workspace."""
     design = Design(D=6.7, L=7.1, magnet_diameter=5, magnet_height=3, l0=4.9, hall_layout="tle493d-p2b6")
-    law = response_surface.of_formula(lambda load: beam.solve(design, load, "finite"), 2.5, 2.5)
+    law = fitted(lambda load: beam.solve(design, load, "finite"), 2.5, 2.5)
     shift = np.random.default_rng(0).uniform(*response_surface.workspace(design, law), (1000, 3)).T
     shift[:, 0] = response_surface.workspace(design, law)[1]
     least, most = law.lean

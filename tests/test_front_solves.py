@@ -21,12 +21,12 @@ from studies.parts.part_tolerances import batches_of, parse_tolerances
 from studies.parts.requirements import Requirements, stated_requirements
 from studies.sensitivity.beam_motions import motions
 from studies.sensitivity.made_sensors import nominal_sensor, share_with_error
+from studies.simulation.solved_beams import SolvedBeams
 from studies.sizing import front_yield, sizing_export
 from studies.sizing.candidate_performance import FIGURES, LEAST, performance
 from studies.sizing.candidate_variables import Space, joined
 from studies.sizing.front_solves import (
     COMPARED,
-    FemBeams,
     FrontPoint,
     _judged,
     ranked,
@@ -137,7 +137,11 @@ def sheared():
     """Shears of the paper's sensor: in falling order, and one without a depth because its press has failed."""
     depth, shear = np.array([[0.1, 0.1, np.nan]]), np.array([[0.1, 0.05, 0.1]])
     with temporary() as memory:
-        yield FemBeams([paper()], FiniteElements(ROUGH, {"store": memory, "workers": 0})).shear(depth, shear)
+        yield (
+            SolvedBeams([paper()], FiniteElements(ROUGH, {"store": memory, "workers": 0}))
+            .states(depth, shear)
+            .quantities
+        )
 
 
 def test_a_force_that_no_press_reaches_is_missed():
@@ -194,10 +198,12 @@ class WithoutErrors(FiniteElements):
 @pytest.mark.parametrize("elements", [FiniteElements, WithoutErrors])
 def test_an_unknown_error_is_not_taken_for_none(elements):
     with temporary() as memory:
-        slender = FemBeams([dataclasses.replace(paper(), L=30.0)], elements(QUICK, {"store": memory, "workers": 0}))
-        pressed, critical = slender.press(np.array([[0.1]])), slender.critical_depth()
+        slender = SolvedBeams(
+            [dataclasses.replace(paper(), L=30.0)], elements(QUICK, {"store": memory, "workers": 0})
+        )
+        pressed, critical = slender.states(np.array([[0.1]]), np.zeros((1, 1))).quantities, slender.critical_depth()
         likely, sure = (slender.stable_to(caution)[0] for caution in (0.0, 1.0))
-    widths = [float(found.half_width.item()) for found in (pressed["force"], pressed["shift"], critical)]
+    widths = [float(found.half_width.item()) for found in (pressed["force_z"], pressed["shift_z"], critical)]
     assert likely == critical.value[0] == pytest.approx(0.66 / 8, rel=0.02)
     if elements is FiniteElements:
         assert all(width > 0 for width in widths)

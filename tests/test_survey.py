@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from analytic import beam, clearance, decode, parts, survey
+from analytic import clearance, decode, parts, survey
 from analytic.clearance import magnet_gaps, wall_gaps, warnings
 from analytic.force_resolution import at_shifts, force_resolution
-from analytic.inverse import forward_model, pose_search, response_surface
+from analytic.inverse import forward_model, pose_search
 from geometry.design import BadInput, Design, paper
 from studies.sensing import decode_readings
 
@@ -163,7 +163,7 @@ def test_too_few_readings_and_no_noise_are_refused(m, noise, words):
 
 def test_resolution_at_shifts_is_the_noise_that_the_decoder_states():
     design = Design(hall_noise=1e-3)
-    law = response_surface.of_formula(lambda load: beam.solve(design, load, "finite"), 2.0, 2.0)
+    law = decode_readings.of_level(design, "finite")
     coder = decode.decoder(design, law)
     shift = np.array([[0.5, -0.3, -0.6], [0.0, 0.0, -0.2]])
     fields = forward_model.readings_with_slopes(coder.forward, shift.T)[0].T

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from analytic.hall import field_at
+from fem.accuracy import QUICK
 from geometry.design import paper
 from studies.simulation import mechanics_sources
 from studies.validation.devices import winners
@@ -19,7 +20,7 @@ def test_a_sized_sensor_is_calibrated_within_its_promise(monkeypatch):
     It is short and wide: with the mechanics of the surrogate, its forces at rest and under light presses are 4 % of
     the largest one too high. Its own are those of few states on the meshes of the bench.
     """
-    monkeypatch.setattr(mechanics_sources, "FEM", "fem:quick")
+    monkeypatch.setattr(mechanics_sources, "ACCURACY", QUICK)
     monkeypatch.setattr(mechanics_sources, "DEPTHS", np.linspace(0.06, 1.0, 5))
     monkeypatch.setattr(mechanics_sources, "SHEARS", (0.0, 0.5, 1.0))
     monkeypatch.setattr(winners, "TURNS", winners.TURNS[:2])

@@ -3,7 +3,7 @@
 The silicone between base and magnet acts as a spring, so the forces are smooth functions of the magnet's pose,
 however the load acts on the tip. Let u be the lateral shift, w the vertical shift (negative when the magnet sinks)
 and U = u^2. The sensor is a body of revolution, so all lateral quantities point along the lateral shift. Least
-squares over samples Load -> Response give
+squares over states of any model give
 
     tilt = u tau(U, w),  F_t = u k(U, w),  F_n = n(U, w),  depth = r d(U, r),  shear = u g(U, r),  r = (-w)^(1/3),
 
@@ -14,9 +14,8 @@ violate both between them. So n and d are the closest fits for which dn/dw < 0, 
 lines between all samples and rest; `Mechanics.errors` gives their distance from the samples.
 """
 
-import contextlib
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -67,47 +66,57 @@ class Mechanics:
         return self.tau, *self.lean
 
 
-def of_formula(solve: Callable[[Load], Response], depth: float, shear: float) -> Mechanics:
-    """Fit the mechanics to a model that answers within milliseconds; loads that the model refuses are left out.
+def loads_between(depth: float, shear: float) -> tuple[Array, Array]:
+    """Return depths and shears of samples up to the largest ones, each of shape (65,), mm.
 
-    Parameters
-    ----------
-    solve : response of the model to a load.
-    depth, shear : largest depth and shear of the samples, mm.
-
-
-    >>> from analytic.beam import solve
-    >>> from geometry.design import paper
-    >>> mechanics = of_formula(lambda load: solve(paper(), load), 3.0, 3.0)
-    >>> round(mechanics.sink, 3), max(mechanics.errors) < 1e-10
-    (1.667, True)
+    >>> depths, shears = loads_between(3.0, 2.0)
+    >>> depths[[0, -1]].tolist(), shears[:5].tolist()
+    ([0.0, 3.0], [0.0, 0.5, 1.0, 1.5, 2.0])
     """
     # denser towards first touch, where the curves bend most
-    depths = depth * np.linspace(0, 1, 13) ** 1.5
-    loads = [Load(depth=float(d), shear_x=shear * k / 4, friction="stick") for d in depths for k in range(5)]
-    samples = []
-    for load in loads:
-        with contextlib.suppress(BadInput):
-            samples.append((load, solve(load)))
-    return of_samples(samples)
+    grid = np.meshgrid(depth * np.linspace(0, 1, 13) ** 1.5, shear * np.arange(5) / 4, indexing="ij")
+    return grid[0].ravel(), grid[1].ravel()
 
 
 def of_samples(samples: Iterable[Sample]) -> Mechanics:
-    """Fit the mechanics to samples (load, response) from formulas, finite elements or a test bench, and to rest.
+    """Fit the mechanics to samples (load, response), each with a shear in a direction of its own.
 
     Raises
     ------
     BadInput
-        The samples contain no shear or no press, shears of unlike friction, a grip, a tilted plate, or a magnet that
+        As `of_states`, or: the samples contain shears of unlike friction, a grip, a tilted plate, or a magnet that
         does not move along the shear.
     """
     samples = list(samples)
     contacts = sorted({str(load.friction) for load, _ in samples if load.shear})
     if len(contacts) > 1:
         raise BadInput(f"the shears must all have one friction; got {' and '.join(contacts)}: leave the others out")
-    rows = np.array([_row(load, response) for load, response in samples]).reshape(-1, 7)
-    u, w, tilt, f_t, f_n, depth, shear = rows.T
-    moved = u > 1e-9 * np.abs(rows[:, :2]).max(initial=0.0)
+    return of_states(*np.array([_row(load, response) for load, response in samples]).reshape(-1, 7).T)
+
+
+def of_states(u: Array, w: Array, tilt: Array, f_t: Array, f_n: Array, depth: Array, shear: Array) -> Mechanics:
+    """Fit the mechanics to n states in the plane of their shear, and to rest.
+
+    Parameters
+    ----------
+    u, w : shifts of the magnet along the shear and upwards, mm.
+    tilt, f_t, f_n : tilt towards the shear, rad; force along the shear and normal force, N.
+    depth, shear : travels of the plate, mm.
+
+    Raises
+    ------
+    BadInput
+        The states contain no shear or no press.
+
+    >>> from analytic.beam import solve
+    >>> from geometry.design import paper
+    >>> depth, shear = loads_between(3.0, 3.0)
+    >>> loads = [Load(d, s, friction="stick") for d, s in zip(depth.tolist(), shear.tolist(), strict=True)]
+    >>> mechanics = of_samples((load, solve(paper(), load)) for load in loads)
+    >>> round(mechanics.sink, 3), max(mechanics.errors) < 1e-10
+    (1.667, True)
+    """
+    moved = u > 1e-9 * np.abs([u, w]).max(initial=0.0)
     if not moved.any() or not (w < 0).any():
         raise BadInput("the states must contain both presses and shears: add the missing ones")
     U, r = u * u, np.cbrt(-w)

@@ -32,6 +32,7 @@ from numpy.typing import NDArray
 
 from geometry.arrays import Array
 from studies.beam import surrogate_file, surrogate_range
+from studies.beam.beam_model import ODD, BeamStates, Quantity
 from studies.beam.surrogate_file import Group, Surrogate
 from studies.beam.surrogate_range import SHEAR_NODES
 
@@ -43,6 +44,8 @@ SHEAR = (*POSE, *SKIN)
 SLENDER, THICK, WIDE, DEEP = 2.0, 0.35, 0.5, 0.15
 """L, height and diameter of the magnet and depth of a shear, all over D, beyond which errors are calibrated by
 themselves; a magnet is wide if it is not thick."""
+SLACK = 1e-9
+"""Of bounds over D, for rounding."""
 REGIONS = 6
 """Number of regions of beams."""
 CRITICAL_GRID = 49
@@ -50,14 +53,6 @@ CRITICAL_GRID = 49
 CRITICAL = "critical_depth"
 BLOCK = 256
 """Points whose correlations with the training points are computed at a time: so few stay in the processor's cache."""
-
-
-@dataclass(frozen=True, slots=True)
-class Quantity:
-    """Values of a quantity, and half widths of their 90 % intervals, arrays of one shape."""
-
-    value: Array
-    half_width: Array
 
 
 def beams(
@@ -127,7 +122,7 @@ class Beams:
             ("magnet_diameter/D", self.diameter, surrogate_range.DIAMETER),
             ("L/D", self.L, surrogate_range.LENGTH),
         ):
-            for k in np.flatnonzero(~((values >= low - 1e-9) & (values <= high + 1e-9))):
+            for k in np.flatnonzero(~((values >= low - SLACK) & (values <= high + SLACK))):
                 top = high[k] if isinstance(high, np.ndarray) else high
                 bound = f"at least {low:g}" if top == np.inf else f"within {low:g} and {top:.4g}"
                 reasons[k] = f"the surrogate knows beams with {text} {bound}; got {values[k]:.4g}"
@@ -186,13 +181,52 @@ class Beams:
             result[name] = Quantity(value, relative * (form if name == "sideways_ratio" else unit * form))
         return result
 
+    def states(self, depth: Array, shear: Array) -> BeamStates:
+        """Return the states at depths and shears over D (n, k), see `studies.beam.beam_model.BeamModel`."""
+        moves = shear != 0
+        found = self.shear(depth, shear) if moves.any() else {}
+        # a press that is not sheared reaches further than a shear
+        if not found or not moves.all():
+            pressed = self.press(depth)
+            zero = np.where(np.isnan(pressed["force"].value), np.nan, 0.0)
+            press = {"force_z": pressed["force"], "shift_z": pressed["shift"]} | {
+                name: pressed[name] for name in SKIN
+            }
+            press |= dict.fromkeys(ODD, Quantity(zero, zero))
+            found = {name: _chosen(moves, found[name], still) if found else still for name, still in press.items()}
+        return BeamStates(found, functools.partial(self.refusals, depth, shear))
+
     def knows(self, depth: Array, shear: Array) -> NDArray[np.bool_]:
         """Return which loads have an answer that a sensor shows: in the range, and not beyond `stable_to`.
 
         `depth`, `shear`: over D, shape (n, k); a press has no shear.
         """
-        stable = depth <= self.stable_to()[:, None] + 1e-9
+        stable = depth <= self.stable_to()[:, None] + SLACK
         return np.asarray(stable & np.where(shear == 0, self._can_press(depth), self._can_shear(depth, shear)))
+
+    def refusals(self, depth: Array, shear: Array, D: Array) -> NDArray[Any]:
+        """Return why a sensor does not show the answers to loads, "" where it does; texts (n, k).
+
+        `depth`, `shear`: over D, shape (n, k); `D`: mm, (n,), for the sentences.
+        """
+        texts = np.full(depth.shape, "", dtype=object)
+        for k, column in np.argwhere(~self.knows(depth, shear)):
+            texts[k, column] = self._refusal(k, float(D[k]), float(depth[k, column]), float(shear[k, column]))
+        return texts
+
+    def _refusal(self, k: int, D: float, depth: float, shear: float) -> str:
+        if self.outside[k]:
+            return str(self.outside[k])
+        least = surrogate_range.SHALLOWEST_SHEAR if shear else surrogate_range.SHALLOWEST
+        most, farthest, stable = (float(end[k]) * D for end in (self.deepest, self.farthest, self.stable_to()))
+        # lengths are told in mm
+        depth, shear, least, slack = depth * D, shear * D, least * D, SLACK * D
+        if not least - slack <= depth <= most + slack:
+            return f"the surrogate knows depths of {least:.3g} to {most:.3g} mm here; got {depth:g} mm"
+        if not shear <= farthest + slack:
+            return f"the surrogate knows shears to {farthest:.3g} mm here; got {shear:g} mm"
+        stays = f"the surrogate knows a press to stay stable to {stable:.3g} mm here, and nothing deeper"
+        return f"{stays}; got {depth:g} mm"
 
     def shear(self, depth: Array, shear: Array, *, beyond_stable: bool = False) -> dict[str, Quantity]:
         """Return the response to shears of a plate that is glued to the tip after a press.
@@ -209,7 +243,7 @@ class Beams:
         """
         possible = self._can_shear(depth, shear)
         if not beyond_stable:
-            possible &= depth <= self.stable_to()[:, None] + 1e-9
+            possible &= depth <= self.stable_to()[:, None] + SLACK
         depth = np.where(possible, depth, np.nan)
         columns, which = np.unique(np.nan_to_num(depth), axis=1, return_inverse=True)
         (n, k), nodes = columns.shape, len(SHEAR_NODES)
@@ -300,12 +334,12 @@ class Beams:
         return Quantity(value, value * widths[:, 0])
 
     def _can_press(self, depth: Array) -> NDArray[np.bool_]:
-        inside = self.inside[:, None] & (depth >= surrogate_range.SHALLOWEST - 1e-12)
-        return np.asarray(inside & (depth <= self.deepest[:, None] + 1e-9))
+        inside = self.inside[:, None] & (depth >= surrogate_range.SHALLOWEST - SLACK)
+        return np.asarray(inside & (depth <= self.deepest[:, None] + SLACK))
 
     def _can_shear(self, depth: Array, shear: Array) -> NDArray[np.bool_]:
-        possible = self._can_press(depth) & (depth >= surrogate_range.SHALLOWEST_SHEAR - 1e-12)
-        return np.asarray(possible & (shear >= 0) & (shear <= self.farthest[:, None] + 1e-9))
+        possible = self._can_press(depth) & (depth >= surrogate_range.SHALLOWEST_SHEAR - SLACK)
+        return np.asarray(possible & (shear >= 0) & (shear <= self.farthest[:, None] + SLACK))
 
 
 def shear_values(
@@ -362,6 +396,10 @@ def yardsticks(values: Mapping[str, Array]) -> dict[str, Array]:
     force, shift = (np.hypot(values[f"{name}_x"], values[f"{name}_z"]) for name in ("force", "shift"))
     own = {name: np.abs(values[name]) for name in ("tilt", "contact_radius", "strain")}
     return {"force_x": force, "force_z": force, "shift_x": shift, "shift_z": shift} | own
+
+
+def _chosen(which: NDArray[np.bool_], yes: Quantity, no: Quantity) -> Quantity:
+    return Quantity(np.where(which, yes.value, no.value), np.where(which, yes.half_width, no.half_width))
 
 
 def first_zero(depth: Array, values: Array) -> Array:

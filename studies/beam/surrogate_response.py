@@ -3,7 +3,7 @@
 What it does not know it refuses: other laws than neo-Hookean, designs without a magnet, beams and loads outside its
 range, Coulomb friction, grips, tilted plates, imperfections, presses and shears beyond the depth to which a press is
 known to stay stable; and everything if its file is older than the finite elements. All users take `refusal`, or for
-many beams at once `Beams.knows` and `load_refusal`.
+many beams at once `Beams.refusals`.
 """
 
 from __future__ import annotations
@@ -16,8 +16,9 @@ import numpy as np
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Magnet, Response, check_load
-from studies.beam import prediction, surrogate_range
-from studies.beam.prediction import Beams, Quantity
+from studies.beam import prediction
+from studies.beam.beam_model import ODD, Motions, motions
+from studies.beam.prediction import Beams
 
 REMEDY = ": take finite elements"
 
@@ -64,43 +65,34 @@ def respond_all(cases: Sequence[tuple[Design, Load, Magnet]]) -> list[Estimate |
     except BadInput as error:
         return [f"{reason or error}{REMEDY}" for reason in found]
     loads = [cases[k][1] for k in known]
-    D = np.array([cases[k][0].D for k in known])
-    depth = np.array([load.depth for load in loads])
-    shear = np.array([load.shear if load.shears_tip else 0.0 for load in loads])
-    # a shear of 0 is answered by the press
-    press, sheared = beams.press((depth / D)[:, None]), beams.shear((depth / D)[:, None], (shear / D)[:, None])
+    # a shear that does not move the tip is answered by the press
+    depth, shear = np.array([(load.depth, load.shear if load.shears_tip else 0.0) for load in loads]).T[..., None]
+    moved = motions(beams, [cases[k][0] for k in known], depth, shear)
     for row, (k, load) in enumerate(zip(known, loads, strict=True)):
-        design = cases[k][0]
-        if reason := load_refusal(beams, row, design.D, load.depth, float(shear[row])):
-            answers[k] = f"{reason}{REMEDY}"
-        else:
-            answers[k] = _estimate(sheared if load.shears_tip else press, row, design, load)
+        reason = moved.refusals[row, 0]
+        answers[k] = f"{reason}{REMEDY}" if reason else _estimate(moved, row, load)
     return answers
 
 
-def _estimate(found: Mapping[str, Quantity], row: int, design: Design, load: Load) -> Estimate:
-    q = {name: (float(one.value[row, 0]), float(one.half_width[row, 0])) for name, one in found.items()}
+def _estimate(moved: Motions, row: int, load: Load) -> Estimate:
+    q, widths = ({name: float(of[row, 0]) for name, of in each.items()} for each in (moved.values, moved.half_widths))
     errors, x, y = dict[str, float | None](), 1.0, 0.0
     if load.shears_tip:
         x, y = load.shear_x / load.shear, load.shear_y / load.shear
-    else:
-        q |= dict.fromkeys(("force_x", "shift_x", "tilt"), (0.0, 0.0))
-        q |= {"force_z": q["force"], "shift_z": q["shift"]}
     for name in ("force", "shift"):
-        size, width = (np.hypot(*pair) for pair in zip(q[f"{name}_x"], q[f"{name}_z"], strict=True))
+        size, width = (np.hypot(each[f"{name}_x"], each[f"{name}_z"]) for each in (q, widths))
         errors[name] = float(width / size)
     for name, key in (("tilt", "tilt"), ("sideways", "force_x")):
-        errors[name] = q[key][1] / abs(q[key][0]) if load.shears_tip else None
-    D, unit = design.D, design.E * design.D**2
-    force, shift, tilt = q["force_x"][0] * unit, q["shift_x"][0] * D, q["tilt"][0]
+        errors[name] = widths[key] / abs(q[key]) if load.shears_tip else None
+    force, shift, tilt = (q[name] for name in ODD)
     response = Response(
-        force=(x * force, y * force, unit * q["force_z"][0]),
-        shift=(x * shift, y * shift, -D * q["shift_z"][0]),
+        force=(x * force, y * force, q["force_z"]),
+        shift=(x * shift, y * shift, q["shift_z"]),
         tilt=x * tilt,
-        contact_radius=D * q["contact_radius"][0],
+        contact_radius=q["contact_radius"],
         tilt_y=y * tilt,
     )
-    return Estimate(response, q["strain"][0], errors)
+    return Estimate(response, q["strain"], errors)
 
 
 def beams_of(designs: list[Design]) -> Beams:
@@ -127,7 +119,9 @@ def refusal(design: Design, load: Load, magnet: Magnet) -> str:
         beams = beams_of([design])
     except BadInput as error:
         return str(error)
-    return load_refusal(beams, 0, design.D, load.depth, load.shear if load.shears_tip else 0.0)
+    shear = load.shear if load.shears_tip else 0.0
+    depth_over_D, shear_over_D = np.array([[[load.depth]], [[shear]]]) / design.D
+    return str(beams.refusals(depth_over_D, shear_over_D, np.array([design.D]))[0, 0])
 
 
 def refusal_of_kind(design: Design, load: Load, magnet: Magnet) -> str:
@@ -141,25 +135,3 @@ def refusal_of_kind(design: Design, load: Load, magnet: Magnet) -> str:
         "the surrogate does not know imperfections": bool(load.imperfection),
     }
     return next((text for text, refused in reasons.items() if refused), "")
-
-
-def load_refusal(beams: Beams, k: int, D: float, depth: float, shear: float) -> str:
-    """Return why the surrogate refuses a load of beam `k`, "" if it takes it.
-
-    `depth`, `shear`: mm; a press has no shear.
-    """
-    if beams.outside[k]:
-        return str(beams.outside[k])
-    least = surrogate_range.SHALLOWEST_SHEAR if shear else surrogate_range.SHALLOWEST
-    most = float(beams.deepest[k])
-    if not least - 1e-9 <= depth / D <= most + 1e-9:
-        return f"the surrogate knows depths of {least * D:.3g} to {most * D:.3g} mm here; got {depth:g} mm"
-    if not shear / D <= beams.farthest[k] + 1e-9:
-        return f"the surrogate knows shears to {float(beams.farthest[k]) * D:.3g} mm here; got {shear:g} mm"
-    stable = float(beams.stable_to()[k])
-    if not depth / D <= stable + 1e-9:
-        return (
-            f"the surrogate knows a press to stay stable to {stable * D:.3g} mm here, and nothing deeper; "
-            f"got {depth:g} mm"
-        )
-    return ""

@@ -11,20 +11,18 @@ from __future__ import annotations
 import csv
 from pathlib import Path
 
-from analytic import beam
 from analytic.decode import decoder, field_of
-from analytic.inverse import response_surface
 from analytic.parts import of_design
 from analytic.stream import Sample, Stream
 from geometry.design import paper
+from studies.sensing.decode_readings import of_level
 
 RECORDING = Path(__file__).with_name("recording.csv")
 
 
 def main() -> list[Sample]:
     sensor = paper()
-    mechanics = response_surface.of_formula(lambda load: beam.solve(sensor, load, "finite"), depth=3.0, shear=3.0)
-    stream, samples = Stream(decoder(sensor, mechanics)), []
+    stream, samples = Stream(decoder(sensor, of_level(sensor, "finite"))), []
 
     print("time s   shift of the magnet mm     force on the tip N      status")
     with RECORDING.open(encoding="utf-8") as file:

@@ -25,8 +25,10 @@ from analytic.parts import columns
 from analytic.time_series import RelaxingForce, TimeSeries, zero_offset, zeroed
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
-from geometry.loads import ANSWERED, Load, Response, tilts_of
+from geometry.loads import ANSWERED, Load, tilts_of
 from geometry.relaxation import Relaxation, moduli, relaxation_of
+from studies.beam.beam_model import mechanics, motions
+from studies.beam.formula_beams import FormulaBeams
 from studies.inputs import table_input, user_input
 from studies.inputs.option_groups import Decoding
 from studies.output import atomic_files, console, page_templates
@@ -160,14 +162,15 @@ def of_level(design: Design, level: str) -> Mechanics:
     widest = 3 / 8 * design.D * (design.L / design.H if level == "paper" else 1.0)
     deepest = min(widest, design.R, 0.9 * (design.L - design.magnet_height))
 
-    def solve(load: Load) -> Response:
-        return beam.solve(design, load, level)
+    def fitted(deepest: float) -> Mechanics:
+        depth, shear = (each[None] for each in response_surface.loads_between(deepest, widest))
+        return mechanics(motions(FormulaBeams(level, [design]), [design], depth, shear), depth, shear)
 
-    law, known = response_surface.of_formula(solve, deepest, widest), min(deepest, beam.DEEPEST * design.D)
+    law, known = fitted(deepest), min(deepest, beam.DEEPEST * design.D)
     # a level that does not carry a press of half this depth has no other samples
     with contextlib.suppress(BadInput):
-        if law.errors[2] > MISFIT * solve(Load(known / 2)).force[2]:
-            return response_surface.of_formula(solve, known, widest)
+        if law.errors[2] > MISFIT * beam.solve(design, Load(known / 2), level).force[2]:
+            return fitted(known)
     return law
 
 

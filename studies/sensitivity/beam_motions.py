@@ -1,19 +1,15 @@
 """Forces on many sensors, motions of their magnets and outputs, by the surrogate or by a level of the formulas.
 
-The loads are those of both models: a frictionless press, and a shear along x with the tip stuck to the plate. A shear
-of negative sign is the mirror image of a positive one.
+The loads are those of both models, see `studies.beam.beam_model`.
 """
 
 from __future__ import annotations
 
-import functools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analytic import beam
 from analytic.hall import batch_readings, converted
@@ -21,8 +17,9 @@ from analytic.parts import common_values
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.loads import Load
-from studies.beam import surrogate_range, surrogate_response
-from studies.beam.prediction import Beams
+from studies.beam import beam_model, surrogate_range, surrogate_response
+from studies.beam.beam_model import Motions
+from studies.beam.formula_beams import FormulaBeams
 from studies.inputs import study_input
 from studies.mechanics.study_cases import varied
 from studies.sensing.field_readings import columns as element_columns
@@ -34,8 +31,7 @@ MODELS = (SURROGATE, *beam.LEVELS)
 SPACING = 0.3
 """Distance of neighbouring training beams of the surrogate over its range: some 400 fill five dimensions."""
 QUANTITIES = ("force_x", "force_z", "shift_x", "shift_z", "tilt", "contact_radius")
-"""Results of a model: forces on the tip, N, positive along the shear and in compression; displacements of the magnet,
-mm, along the shear and along z (negative downwards); its tilt towards the shear, rad; contact radius, mm."""
+"""What is read of `Motions`."""
 SHEAR = {
     "force_N": "force_z",
     "force_x_N": "force_x",
@@ -62,22 +58,6 @@ class Press:
             raise BadInput(f"--shear must be a finite number of mm, 0 or more; got {self.shear:g}")
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Motions:
-    """Results of n sensors in k states, in the plane of the shear.
-
-    Attributes
-    ----------
-    values : each of `QUANTITIES`, shape (n, k); NaN where the model refuses.
-    half_widths : half width of the model's 90 % interval, in the same form; NaN for a model that states none.
-    refusals : why the model refuses, "" where it does not; texts of shape (n, k).
-    """
-
-    values: Mapping[str, Array]
-    half_widths: Mapping[str, Array]
-    refusals: NDArray[Any]
-
-
 def poses(values: Mapping[str, Array], towards_y: bool = False) -> tuple[Array, Array]:
     """Return shift, shape (n, k, 3), mm, and rotation vector, (n, k, 2), rad, for a shear along x or along y."""
     zero = np.zeros_like(values["shift_x"])
@@ -91,53 +71,21 @@ def motions(model: str, designs: Sequence[Design | None], depth: Array, shear: A
     """Return the results of n sensors, None for an impossible one, at depths and shears (n, k), mm, by a model."""
     if model not in MODELS:
         raise BadInput(f"the model must be one of {', '.join(MODELS)}; got {model!r}")
-    by = _by_surrogate if model == SURROGATE else functools.partial(_by_formula, model)
-    return by(designs, depth, shear)
-
-
-def _by_surrogate(designs: Sequence[Design | None], depth: Array, shear: Array) -> Motions:
     values, half_widths = ({name: np.full(depth.shape, np.nan) for name in QUANTITIES} for _ in range(2))
     refusals = np.full(depth.shape, "", dtype=object)
-    # a kind of sensor that the surrogate does not know is refused whatever its load
-    light = Load(depth=1e-3)
-    for k, design in enumerate(designs):
-        refusals[k] = "" if design is None else surrogate_response.refusal_of_kind(design, light, "rigid")
-    usable = [(k, design) for k, design in enumerate(designs) if design is not None and not refusals[k, 0]]
-    if not usable:
-        return Motions(values, half_widths, refusals)
-    rows, known_designs = np.array([k for k, _ in usable]), [design for _, design in usable]
-    D, E = np.array([(design.D, design.E) for design in known_designs]).T
-    beams = surrogate_response.beams_of(known_designs)
-    ratio, aside = depth[rows] / D[:, None], shear[rows] / D[:, None]
-    known = beams.knows(ratio, np.abs(aside))
-    for name, (value, half_width) in _predicted(beams, ratio, aside).items():
-        unit = {"force": E * D**2, "tilt": np.ones_like(D)}.get(name.partition("_")[0], D)[:, None]
-        values[name][rows] = np.where(known, unit * value, np.nan)
-        half_widths[name][rows] = np.where(known, unit * half_width, np.nan)
-    for row, column in np.argwhere(~known):
-        load = depth[rows[row], column], abs(shear[rows[row], column])
-        refusals[rows[row], column] = surrogate_response.load_refusal(beams, row, D[row], *load)
+    if model == SURROGATE:
+        # a kind of sensor that the surrogate does not know is refused whatever its load
+        for k, design in enumerate(designs):
+            refusals[k] = "" if design is None else surrogate_response.refusal_of_kind(design, Load(), "rigid")
+    rows = [k for k, design in enumerate(designs) if design is not None and not refusals[k].any()]
+    known = [design for k in rows if (design := designs[k])]
+    if known:
+        beams = surrogate_response.beams_of(known) if model == SURROGATE else FormulaBeams(model, known)
+        moved = beam_model.motions(beams, known, depth[rows], shear[rows])
+        refusals[rows] = moved.refusals
+        for name in QUANTITIES:
+            values[name][rows], half_widths[name][rows] = moved.values[name], moved.half_widths[name]
     return Motions(values, half_widths, refusals)
-
-
-def _predicted(beams: Beams, depth: Array, shear: Array) -> dict[str, tuple[Array, Array]]:
-    """Return each of `QUANTITIES` and its half width, shape (n, k), for loads over D, as `Beams` has them."""
-    pressed = beams.press(depth)
-    zero = np.where(np.isnan(pressed["force"].value), np.nan, 0.0)
-    still = dict.fromkeys(("force_x", "shift_x", "tilt"), (zero, zero))
-    names = {"force_z": "force", "shift_z": "shift", "contact_radius": "contact_radius"}
-    result = still | {name: (pressed[key].value, pressed[key].half_width) for name, key in names.items()}
-    if shear.any():
-        # a press that is not sheared reaches further than a shear
-        moves, sign = shear != 0, np.sign(shear)
-        sheared = beams.shear(depth, np.abs(shear))
-        for name, (value, half_width) in result.items():
-            factor = sign if name in ("force_x", "shift_x", "tilt") else 1.0
-            moved = sheared[name]
-            result[name] = np.where(moves, factor * moved.value, value), np.where(moves, moved.half_width, half_width)
-    # the surrogate counts the magnet's sinking as positive
-    sinking, half_width = result["shift_z"]
-    return result | {"shift_z": (-sinking, half_width)}
 
 
 def error_lengths(model: str, design: Design) -> dict[str, float]:
@@ -161,26 +109,6 @@ def error_lengths(model: str, design: Design) -> dict[str, float]:
     }
     lengths = {name: SPACING * design.D * (high - low) for name, (low, high) in ranges.items()}
     return lengths | {"nu": SPACING * (surrogate_range.POISSON[1] - surrogate_range.POISSON[0])}
-
-
-def _by_formula(level: str, designs: Sequence[Design | None], depth: Array, shear: Array) -> Motions:
-    values = {name: np.full(depth.shape, np.nan) for name in QUANTITIES}
-    refusals = np.full(depth.shape, "", dtype=object)
-    for at in np.ndindex(depth.shape):
-        design = designs[at[0]]
-        if design is None:
-            continue
-        try:
-            load = Load(float(depth[at]), float(shear[at]), friction="stick" if shear[at] else "none")
-            response = beam.solve(design, load, level)
-        except BadInput as error:
-            refusals[at] = str(error)
-            continue
-        (force_x, _, force_z), (shift_x, _, shift_z) = response.force, response.shift
-        numbers = (force_x, force_z, shift_x, shift_z, response.tilt, response.contact_radius)
-        for name, number in zip(QUANTITIES, numbers, strict=True):
-            values[name][at] = number
-    return Motions(values, {name: np.full(depth.shape, np.nan) for name in QUANTITIES}, refusals)
 
 
 def readings(designs: Sequence[Design | None], moved: Motions) -> tuple[Array, Array]:

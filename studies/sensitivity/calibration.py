@@ -24,7 +24,8 @@ from numpy.typing import NDArray
 
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
-from studies.sensitivity.beam_motions import SURROGATE, Motions, Press, motions, poses, readings
+from studies.beam.beam_model import Motions, mirrored
+from studies.sensitivity.beam_motions import SURROGATE, Press, motions, poses, readings
 from studies.sensitivity.made_sensors import MadeSensors, made_readings, nominal_sensor
 
 AXES = ("z", "x", "y")
@@ -123,11 +124,8 @@ def _axis_curves(
         return found
     depth = np.array([_over(reached, depths, press[-1:]) for reached in moved.values["force_z"]])
     moved = motions(model, sensors.designs, np.tile(depth, STATES), np.tile(shears, (len(sensors), 1)))
-    # the mirror image of a shear reverses what points along it
-    values = {
-        name: np.hstack([(-1.0 if name in ("force_x", "shift_x", "tilt") else 1.0) * column[:, :0:-1], column])
-        for name, column in moved.values.items()
-    }
+    other = mirrored(moved.values)
+    values = {name: np.hstack([other[name][:, :0:-1], column]) for name, column in moved.values.items()}
     both = Motions(values, {}, np.hstack([moved.refusals[:, :0:-1], moved.refusals]))
     return found | {name: _curves(sensors, both, "force_x", shear, k) for k, name in enumerate(AXES) if k}
 

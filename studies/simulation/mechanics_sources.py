@@ -14,29 +14,32 @@ All give polynomials of the magnet's shift (`analytic.inverse.response_surface.M
 
 from __future__ import annotations
 
-import contextlib
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from analytic import beam
-from analytic.inverse.response_surface import of_formula, of_samples
+from analytic.inverse.response_surface import loads_between
+from fem.accuracy import STANDARD
+from geometry.arrays import Array
 from geometry.bad_input import SolveFailed
 from geometry.design import BadInput, Design
-from geometry.loads import Load, Response
+from geometry.loads import Load
 from studies.beam import surrogate_range, surrogate_response
+from studies.beam.beam_model import Motions, mechanics, motions
+from studies.cases import FiniteElements
 from studies.sensing.decode_readings import RESPONSES, Source, of_file, of_level
-
-if TYPE_CHECKING:
-    import pandas as pd
+from studies.simulation.solved_beams import SolvedBeams
 
 SURROGATE, FEM, FINITE, PAPER = "surrogate", "fem", "finite", "paper"
 NAMES = (SURROGATE, FEM, *reversed(beam.LEVELS))
 """Sources by their names, the best one first."""
+ACCURACY = STANDARD
+"""Of the solved states."""
 DEPTHS, SHEARS = np.linspace(0.06, 1.0, 8), (0.0, 1 / 4, 1 / 2, 3 / 4, 1.0)
 """Depths of the solved states over the largest one, and their shears over the largest one, which grows with the
 depth: a plate that presses lightly slips before it shears far."""
@@ -115,8 +118,9 @@ def of_surrogate(design: Design) -> Source:
             return math.nan
         return math.nan if share is None else share
 
-    law = of_formula(lambda load: held(surrogate_response.respond(design, load).response), deepest, farthest)
-    return Source(SURROGATE, law, WITHIN, half_width)
+    depth, shear = (each[None] for each in loads_between(deepest, farthest))
+    moved = _held(motions(surrogate_response.beams_of([design]), [design], depth, shear))
+    return Source(SURROGATE, mechanics(moved, depth, shear), WITHIN, half_width)
 
 
 def _reach(design: Design) -> tuple[float, float]:
@@ -128,16 +132,14 @@ def _reach(design: Design) -> tuple[float, float]:
     return deepest, 0.999 * design.D * float(beams.farthest[0])
 
 
-def held(response: Response) -> Response:
-    """Return a response, but refuse one that a plate holds by no friction.
+def _held(moved: Motions) -> Motions:
+    """Return motions that refuse what a plate holds by no friction.
 
     There the press force falls along lines between states, which polynomials of a force that rises do not follow:
     they would miss all others, too, by as much as a third of the force.
     """
-    x, y, z = response.force
-    if not math.hypot(x, y) <= LARGEST_FRICTION * z:
-        raise BadInput("the plate would slip")
-    return response
+    slips = np.abs(moved.values["force_x"]) > LARGEST_FRICTION * moved.values["force_z"]
+    return replace(moved, refusals=np.where(slips, "the plate would slip", moved.refusals))
 
 
 def in_words(source: Source) -> str:
@@ -158,47 +160,25 @@ def of_finite_elements(design: Design, solves: Mapping[str, Any] = {}) -> Source
     BadInput, SolveFailed
         The design has no magnet, or too few states were found.
     """
-    # deferred: formulas and surrogate need no tables
-    import pandas as pd
-
-    from studies import cases
-
-    loads = _loads(design)
-    asked = pd.DataFrame({"depth_mm": [load.depth for load in loads], "shear_mm": [load.shear_x for load in loads]})
-    asked["friction"] = "stick"
-    solves = {"progress": True} | dict(solves)
-    found = cases.answer(asked, [FEM], base=design, quantities=["force", "shift", "tilt"], **solves)
-    stable = {
-        load.depth for load, status in zip(loads, found["status"], strict=True) if status == "ok" and not load.shear
-    }
-    samples = _samples(loads, found, stable)
-    sheared = {load.depth for load, _ in samples if load.shear}
+    depth, shear = (each[None] for each in _loads(design))
+    beams = SolvedBeams([design], FiniteElements(ACCURACY, {"progress": True} | dict(solves)))
+    moved = motions(beams, [design], depth, shear)
+    lost = next((text for text in moved.refusals[0] if text), "")
+    stable = depth[(moved.refusals == "") & (shear == 0)]
+    doubtful = np.where(np.isin(depth, stable), moved.refusals, "its press is not known to be stable")
+    moved = _held(replace(moved, refusals=doubtful))
+    known = moved.refusals == ""
+    sheared = np.unique(depth[known & (shear > 0)])
     if len(sheared) < ENOUGH:
-        lost = next((text for text in found["message"] if text), "")
         raise SolveFailed(f"of {len(stable)} stable presses {len(sheared)} have shears, fewer than {ENOUGH}: {lost}")
-    new = int((found["seconds"] > 0).sum())
-    return Source(
-        FEM, of_samples(samples), f"{len(samples)} of {len(loads)} states by finite elements ({new} solved now)"
-    )
+    reason = f"{known.sum()} of {known.size} states by finite elements ({beams.solved} solved now)"
+    return Source(FEM, mechanics(moved, depth, shear), reason)
 
 
-def _loads(design: Design) -> list[Load]:
+def _loads(design: Design) -> tuple[Array, Array]:
+    """Return depths and shears of the solved states, (n,), mm."""
     L, d, h = (np.array([getattr(design, name) / design.D]) for name in ("L", "magnet_diameter", "magnet_height"))
     deepest = design.D * float(surrogate_range.deepest(L, d, h)[0])
     farthest = design.D * float(surrogate_range.farthest(L)[0])
-    return [
-        Load(depth=deepest * depth, shear_x=farthest * share * math.sqrt(depth), friction="stick")
-        for depth in DEPTHS.tolist()
-        for share in SHEARS
-    ]
-
-
-def _samples(loads: Sequence[Load], found: pd.DataFrame, stable: set[float]) -> list[tuple[Load, Response]]:
-    names = ["fem_force_x_N", "fem_force_N", "fem_shift_x_mm", "fem_shift_z_mm", "fem_tilt_rad"]
-    rows = zip(loads, found["status"], found[names].to_numpy().tolist(), strict=True)
-    samples = []
-    for load, status, (x, z, u, w, tilt) in rows:
-        if status == "ok" and load.depth in stable:
-            with contextlib.suppress(BadInput):
-                samples.append((load, held(Response((x, 0.0, z), (u, 0.0, w), tilt, 0.0))))
-    return samples
+    grid = np.meshgrid(DEPTHS, SHEARS, indexing="ij")
+    return deepest * grid[0].ravel(), farthest * (grid[1] * np.sqrt(grid[0])).ravel()

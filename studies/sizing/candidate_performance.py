@@ -22,7 +22,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,9 +33,7 @@ from geometry.arrays import Array, Ints
 from geometry.base import LEAST_GAP
 from geometry.fabrication.hall_elements import SS495A
 from studies.beam import surrogate_range
-from studies.parts.catalogues import PRESS_GAP, SPRING_GAP
-from studies.parts.requirements import Requirements
-from studies.sizing.beam_curves import (
+from studies.beam.beam_curves import (
     SHEARED_DEPTHS,
     SOLVED_DEPTHS,
     Curves,
@@ -45,6 +42,9 @@ from studies.sizing.beam_curves import (
     pressed_curves,
     with_shears,
 )
+from studies.beam.beam_model import RatedBeams
+from studies.parts.catalogues import PRESS_GAP, SPRING_GAP
+from studies.parts.requirements import Requirements
 from studies.sizing.sensor_arrays import Sensors
 
 HALF_TURN, WHOLE_TURN = np.radians(45.0 * np.arange(1, -4, -1)), np.radians(45.0 * np.arange(8))
@@ -113,7 +113,7 @@ def _poses(loads: Array, sensors: Sensors) -> tuple[Ints, Array]:
 
 def performance(
     sensors: Sensors,
-    beams: Any,
+    beams: RatedBeams,
     needed: Requirements,
     *,
     caution: float = 1.0,
@@ -169,7 +169,7 @@ def performance(
     return replace(result, margins=margins(values, needed))
 
 
-def _critical(beams: Any, caution: float) -> Array:
+def _critical(beams: RatedBeams, caution: float) -> Array:
     critical = beams.critical_depth()
     # no half width where no critical depth was found, nor where none is asked for
     width = np.where(np.isinf(critical.value), 0.0, critical.half_width) if caution else 0.0
@@ -229,7 +229,7 @@ class _Rated:
         found = {"strain": np.max(strain, axis=0), "saturation": np.min(saturation, axis=0)}
         return found | {"depth": depths[0], "depth_stiff": depths[1], "hysteresis": self._hysteresis(depths[0])}
 
-    def fill(self, result: Performance, rows: Ints, beams: Any, ask: Array | None) -> None:
+    def fill(self, result: Performance, rows: Ints, beams: RatedBeams, ask: Array | None) -> None:
         """Write the figures of these rows."""
         sheared = self.needed.force_x is not None
         curve = self._with_shears(beams, ask, sheared)
@@ -296,7 +296,7 @@ class _Rated:
         unit = self.units[:, [corner]]
         return curve.states(z / unit, x / unit)
 
-    def _with_shears(self, beams: Any, ask: Array | None, sheared: bool) -> Curves:
+    def _with_shears(self, beams: RatedBeams, ask: Array | None, sheared: bool) -> Curves:
         if ask is not None:
             return with_shears(self.pressed, beams, ask[:, 1], ask[:, 2], ask[:, 3:], (0.5, 1.0))
         stiff = self.pressed.softer(-abs(self.caution))

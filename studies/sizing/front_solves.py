@@ -8,7 +8,7 @@ and 1 for the best point that passes: of the logarithms of range, resolution and
 differ by less than such steps of all three, so that no rank rests on less. A point of which it is unknown whether it
 has the required yield comes after those that have it.
 
-The responses of the beams (`FemBeams`) have the form of the surrogate's. The paths of all beams are solved side by
+The responses of the beams (`SolvedBeams`) have the form of the surrogate's. The paths of all beams are solved side by
 side by worker processes; their states land in the store, so that a command that was interrupted solves none of them
 again. NaN stands for a state that a solve did not reach. The worst loads of the best point are solved by themselves:
 their strain and distance from the rail are no interpolation. Resolutions are slopes of curves between the solved
@@ -21,7 +21,7 @@ import functools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Literal, cast
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -32,13 +32,12 @@ from geometry.arrays import Array, Ints
 from geometry.design import Design
 from geometry.loads import Load
 from studies.beam import surrogate_range
-from studies.beam.prediction import Quantity
+from studies.beam.beam_curves import SOLVED_DEPTHS
 from studies.cases import FiniteElements
-from studies.mechanics.path_solver import frequency_unit
 from studies.mechanics.tasks import finished
 from studies.output.records import FlatRow
+from studies.simulation.solved_beams import MOTIONS, SolvedBeams
 from studies.sizing import front_yield
-from studies.sizing.beam_curves import SOLVED_DEPTHS
 from studies.sizing.candidate_performance import LEAST, MOST, NO_SHEAR, Performance, margins, performance
 from studies.sizing.candidate_variables import Candidates, Variant
 from studies.sizing.front_yield import Shares
@@ -47,101 +46,6 @@ from studies.sizing.variant_search import RESOLUTION, dominated, objectives, spr
 
 if TYPE_CHECKING:
     from studies.parts.requirements import Requirements
-
-RATIO_DIGITS = 6
-"""Digits of the ratio of densities: equal ratios share a stored solve."""
-
-
-MOTIONS = ("force", "shift", "tilt", "strain")
-READ = {
-    "force_x": ("fem_force_x_N", "sideways_error_estimate"),
-    "force_z": ("fem_force_N", "error_estimate"),
-    "shift_x": ("fem_shift_x_mm", "shift_error_estimate"),
-    "shift_z": ("fem_shift_z_mm", "shift_error_estimate"),
-    "tilt": ("fem_tilt_rad", "tilt_error_estimate"),
-    "strain": ("fem_largest_strain_percent", ""),
-}
-"""Quantities of `prediction.Beams`, and columns of the engine's answers and of their errors."""
-
-
-class FemBeams:
-    """Beams of n designs, whose responses finite elements give; lengths over D, forces over E D^2."""
-
-    def __init__(self, designs: Sequence[Design], fem: FiniteElements) -> None:
-        self.designs, self.fem = designs, fem
-        self.D, self.E = (np.array([getattr(design, name) for design in designs]) for name in "DE")
-
-    def take(self, rows: Ints) -> FemBeams:
-        """Return some of the beams."""
-        return FemBeams([self.designs[k] for k in rows], self.fem)
-
-    def press(self, depth: Array) -> dict[str, Quantity]:
-        """Return the response to frictionless presses to depths (n, k), see `prediction.Beams.press`."""
-        found = self._motions(depth, np.zeros_like(depth), "auto")
-        return {name: found[key] for name, key in (("force", "force_z"), ("shift", "shift_z"), ("strain", "strain"))}
-
-    def shear(self, depth: Array, shear: Array) -> dict[str, Quantity]:
-        """Return the response to glued shears at depths and shears (n, k), see `prediction.Beams.shear`.
-
-        All shears of a beam at one depth are one path. A load of which depth or shear is NaN, because a press has
-        failed, has NaN as its response.
-        """
-        return self._motions(depth, shear, "harmonic")
-
-    def _motions(self, depth: Array, shear: Array, model: Model) -> dict[str, Quantity]:
-        rows, columns = np.nonzero(~np.isnan(depth + shear))
-        found = {name: Quantity(*np.full((2, *depth.shape), np.nan)) for name in READ}
-        if not len(rows):
-            return found
-        friction: Literal["none", "stick"] = "none" if model == "auto" else "stick"
-        places = zip(rows.tolist(), depth[rows, columns].tolist(), shear[rows, columns].tolist(), strict=True)
-        cases = [(one := self.designs[k], Load(d * one.D, s * one.D, friction=friction)) for k, d, s in places]
-        answers = self.fem.answers(cases, MOTIONS, model)
-        D, force = self.D[rows], (self.E * self.D**2)[rows]
-        units = {"force_x": force, "force_z": force, "shift_x": D, "shift_z": -D, "tilt": 1.0, "strain": 100.0}
-        for name, (column, error) in READ.items():
-            if {column, error or column} <= set(answers):  # presses have nothing sideways
-                value = answers[column].to_numpy() / units[name]
-                found[name].value[rows, columns] = value
-                # 0 of what is 0, or never estimated; NaN where the error is unknown
-                share = answers[error].to_numpy() if error else 0.0
-                found[name].half_width[rows, columns] = np.where(value == 0, 0.0, np.abs(value) * share)
-        return found
-
-    @functools.cached_property
-    def _stability(self) -> tuple[Array, Array, Array]:
-        """Critical depth over D, see `critical_depth`, its relative error, and depth to which a press is stable."""
-        answers = self.fem.answers(
-            [(design, Load(depth=0.01 * design.D)) for design in self.designs], ["critical_depth"]
-        )
-        depth, stable = (answers[name].to_numpy() / self.D for name in ("critical_depth_mm", "stable_to_mm"))
-        none = answers["critical_depth_verdict"].to_numpy() == "stable"
-        return np.where(none, np.inf, depth), answers["critical_depth_error_estimate"].to_numpy(), stable
-
-    def critical_depth(self) -> Quantity:
-        """Return the depths at which frictionless presses buckle sideways, over D, shape (n,).
-
-        inf where the search found none up to its end; NaN where it stopped before, or failed.
-        """
-        depth, error, _ = self._stability
-        return Quantity(depth, np.where(np.isinf(depth), 0.0, error * depth))
-
-    def stable_to(self, caution: float) -> Array:
-        """Return the depths over D up to which presses are known to be stable, shape (n,); NaN where nothing is."""
-        critical, stable = self.critical_depth(), self._stability[2]
-        width = critical.half_width if caution else 0.0
-        return np.where(np.isfinite(critical.value), critical.value - caution * width, stable)
-
-    def first_mode(self, density_ratio: Array) -> Quantity:
-        """Return the lowest natural frequency of the unloaded beams over `frequency_unit`, shape (n,)."""
-        heavy = [
-            (replace(design, magnet_density=round(float(ratio), RATIO_DIGITS) * design.density), Load(depth=0.0))
-            for design, ratio in zip(self.designs, density_ratio, strict=True)
-        ]
-        units = np.array([frequency_unit(design.D, design.E, design.density) for design in self.designs])
-        lowest = self.fem.answers(heavy, ["modes"])["mode1_Hz"].to_numpy() / units
-        return Quantity(lowest, np.zeros(len(lowest)))
-
 
 MOST_TRIED, FEW = 60, 100
 """Points of a front whose yield is estimated before they are solved, and made sensors of each: about 15 s."""
@@ -319,7 +223,7 @@ def solved_points(candidates: Candidates, needed: Requirements, fem: FiniteEleme
     shears = np.full((len(sensors), SOLVED_DEPTHS), NO_SHEAR)
     least = np.full_like(deepest, surrogate_range.SHALLOWEST_SHEAR)
     ask = np.where(np.isnan(ask), np.hstack([deepest, least, deepest, shears]), ask)
-    solid = FemBeams([variant.design for variant in variants], fem)
+    solid = SolvedBeams([variant.design for variant in variants], fem)
     solved, worse = (performance(sensors, solid, needed, caution=ca, ask=ask, dense=True) for ca in (0.0, 1.0))
     points = []
     for k, variant in enumerate(variants):

@@ -29,7 +29,8 @@ from geometry.arrays import Array
 from geometry.bad_input import BadInput
 from geometry.messages import Progress
 from studies.beam import prediction, surrogate_file, surrogate_range
-from studies.beam.prediction import CRITICAL, DEEP, PRESS, SHEAR, SLENDER, STRAIN, THICK, WIDE, Quantity
+from studies.beam.beam_model import Quantity
+from studies.beam.prediction import CRITICAL, DEEP, PRESS, SHEAR, SLENDER, STRAIN, THICK, WIDE
 from studies.beam.surrogate_file import GaussianProcess, Group, Surrogate, correlation
 from studies.cases import FiniteElements
 from studies.inputs.option_groups import Whole

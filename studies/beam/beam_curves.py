@@ -1,8 +1,7 @@
 """Responses of n beams as smooth functions of depth and shear, and the states under required loads.
 
 The same functions serve the surrogate, for thousands of beams at once, and finite elements, for the beams of a front.
-A source of responses (`studies.beam.prediction.Beams`, or those of finite elements) is evaluated at few depths
-and shears. Between them:
+A `studies.beam.beam_model.BeamModel` is evaluated at few depths and shears. Between them:
 
 - under a press, a response is a polynomial in the root of the depth, because the contact radius grows like it;
 - under a shear s, what reverses with the shear (sideways shift, tilt, sideways force) is s times a polynomial in s^2,
@@ -26,6 +25,7 @@ from numpy.polynomial import chebyshev
 
 from geometry.arrays import Array
 from studies.beam import surrogate_range
+from studies.beam.beam_model import BeamModel
 
 PRESS_DEPTHS = 8
 """Number of depths under a press."""
@@ -35,9 +35,9 @@ STEPS = 8
 """Newton steps to the depth and the shear of a load."""
 CLOSE = 1e-5
 """Relative difference of the forces from the load up to which a state counts as reached."""
-PRESSED = ("force", "shift", "strain")
+PRESSED = ("force_z", "shift_z", "strain")
 SHEARED = ("shift_x", "shift_z", "tilt", "force_x", "force_z", "strain")
-"""Quantities in the order of the curves; shift_z is down, positive."""
+"""Quantities in the order of the curves."""
 EVEN = {"shift_z": 1, "force_z": 0}
 """What does not reverse with the shear, and its place in `PRESSED`."""
 
@@ -211,17 +211,18 @@ def depths_between(low: Array, high: Array, count: int) -> Array:
     return np.asarray((first + (last - first) * (_nodes(count) + 1) / 2) ** 2)
 
 
-def pressed_curves(beams: Any, deepest: Array) -> Curves:
+def pressed_curves(beams: BeamModel, deepest: Array) -> Curves:
     """Return the responses of beams to presses down to depths (n,); their shears are not known."""
-    pressed = beams.press(depths_between(np.full_like(deepest, surrogate_range.SHALLOWEST), deepest, PRESS_DEPTHS))
-    press, widths = (np.stack([getattr(pressed[name], part) for name in PRESSED], axis=2) for part in _PARTS)
-    none, depth = np.full((len(deepest), SHEARED_DEPTHS), np.nan), deepest[:, None]
+    depth = depths_between(np.full_like(deepest, surrogate_range.SHALLOWEST), deepest, PRESS_DEPTHS)
+    found = beams.states(depth, np.zeros_like(depth)).quantities
+    press, widths = (np.stack([getattr(found[name], part) for name in PRESSED], axis=2) for part in _PARTS)
+    none, end = np.full((len(deepest), SHEARED_DEPTHS), np.nan), deepest[:, None]
     unknown = np.full((*none.shape, len(SHEARED)), np.nan)
-    return Curves(depth, press, widths, depth, depth, none, unknown[..., None], unknown)
+    return Curves(end, press, widths, end, end, none, unknown[..., None], unknown)
 
 
 def with_shears(
-    pressed: Curves, beams: Any, low: Array, high: Array, farthest: Array, shares: Sequence[float]
+    pressed: Curves, beams: BeamModel, low: Array, high: Array, farthest: Array, shares: Sequence[float]
 ) -> Curves:
     """Return curves with the responses to shears at these shares, rising to 1, of the largest ones (n, count).
 
@@ -231,9 +232,9 @@ def with_shears(
     high = np.maximum(high, 1.02 * low)
     depth, m = depths_between(low, high, farthest.shape[1]), len(shares)
     shear = farthest[:, :, None] * np.array(shares)
-    answer = beams.shear(np.repeat(depth, m, axis=1), shear.reshape(len(depth), -1))
+    found = beams.states(np.repeat(depth, m, axis=1), shear.reshape(len(depth), -1)).quantities
     values, widths = (
-        np.stack([getattr(answer[name], part).reshape(shear.shape) for name in SHEARED], axis=2) for part in _PARTS
+        np.stack([getattr(found[name], part).reshape(shear.shape) for name in SHEARED], axis=2) for part in _PARTS
     )
     base, _ = pressed.pressed(depth)
     forms = values / shear[:, :, None]
