@@ -13,7 +13,9 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from geometry.arrays import Vector
+import numpy as np
+
+from geometry.arrays import Array, Vector
 from geometry.bad_input import check_ranges, nearest, quantity
 from geometry.cad import beam, cut, overlap, turned
 from geometry.design import BadInput, Design
@@ -32,6 +34,10 @@ LEAST_GAP = 0.1
 
 EDGE = 1.5
 """Least distance of the edge of the base from a screw hole and from the beam, mm."""
+
+
+THINNEST = 3.0
+"""Least thickness of a plate with three one-axis elements where none is chosen, mm."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,6 +78,11 @@ class Base:
         if self.shape not in SHAPES:
             raise BadInput(f"there is no shape {self.shape!r} of the base: {nearest(str(self.shape), SHAPES)}")
         check_ranges(self)
+
+    @property
+    def hole(self) -> float:
+        """Diameter of the screw holes, mm; 0 for none."""
+        return (0.0 if self.is_round else 2.2) if self.screw is None else self.screw
 
     @property
     def is_round(self) -> bool:
@@ -118,9 +129,8 @@ def plan(design: Design, base: Base, process: str = "fdm") -> Plan:
     fit = PROCESSES[process].fit / 2 if base.seat_fit is None else base.seat_fit
     where = places(design)
     if design.hall_layout == "three":
-        part, (_, _, z1), (_, _, z23) = SS495A, where["S1"], where["S2"]
-        least = max(part.thickness - part.depth - z1, part.height / 2 - z23 + WEB)
-        thickness = max(3.0, least) if base.thickness is None else base.thickness
+        least = float(least_thickness(*(np.array(where[name][2]) for name in ("S1", "S2"))))
+        thickness = max(THINNEST, least) if base.thickness is None else base.thickness
         if not thickness >= least - CLOSE:
             raise BadInput(f"thickness must be at least {least:.3g} mm for the elements' seats; got {thickness:g} mm")
         seats = hall_elements.three_elements(design, where, fit, base.seat_wall, thickness)
@@ -136,7 +146,7 @@ def plan(design: Design, base: Base, process: str = "fdm") -> Plan:
     # two common layers of filament printing are enough to feel the rim of a recess
     recess = (0.4 if base.is_round else 0.0) if base.recess is None else base.recess
     recess_radius = design.R + (PROCESSES[process].fit if base.recess_gap is None else base.recess_gap)
-    screw = (0.0 if base.is_round else 2.2) if base.screw is None else base.screw
+    screw = base.hole
     foot = recess_radius if recess else design.R
     half, screw_at = _outline(design, base, seats, foot, screw)
     if "S1" in seats.passages:
@@ -174,23 +184,12 @@ def _outline(design: Design, base: Base, seats: Seats, foot: float, screw: float
 
     foot : radius of the recess, or of the beam without one, mm.
     """
-    hole, wall = screw / 2, base.seat_wall
     # the farthest point of each seat along x and along y, on either side
-    reaches = [
-        (max(-b.corner[0], b.corner[0] + b.sides[0]), max(-b.corner[1], b.corner[1] + b.sides[1]))
-        for b in (*seats.bodies.values(), *seats.posts.values())
-    ]
-    at_beam = (foot + hole + EDGE) / math.sqrt(2)
-    if base.is_round:
-        # a hole on the diagonal lies beside the seats; its wall to a seat is at least as thick as that of a post
-        at = max(at_beam, *(min(reach) + wall + hole for reach in reaches)) if hole else 0.0
-        reach = max(math.hypot(*reach) for reach in reaches)
-        least = max(math.sqrt(2) * at + hole + EDGE if hole else 0.0, foot + wall, reach + wall)
-    else:
-        reach = max(max(reach) for reach in reaches)
-        # the holes lie on the diagonals, EDGE away from the beam, and reach as far out as the seats and their walls
-        at = max(at_beam, reach + wall - hole if hole else 0.0)
-        least = max(at + hole + EDGE if hole else 0.0, foot + EDGE, reach + wall)
+    blocks = (*seats.bodies.values(), *seats.posts.values())
+    x, y = (np.array([[max(-b.corner[k], b.corner[k] + b.sides[k])] for b in blocks]) for k in (0, 1))
+    ends = least_outline(x, y, np.array([foot]), screw, base.seat_wall, base.is_round)
+    (least,), (at,) = (end.tolist() for end in ends)
+    hole = screw / 2
     if base.outer is None:
         return least, at
     if not base.outer >= 2 * least - 1e-9:
@@ -200,6 +199,34 @@ def _outline(design: Design, base: Base, seats: Seats, foot: float, screw: float
         )
     far = base.outer / 2 - hole - EDGE
     return base.outer / 2, (far / math.sqrt(2) if base.is_round else far) if hole else at
+
+
+def least_outline(x: Array, y: Array, foot: Array, screw: float, wall: float, is_round: bool) -> tuple[Array, Array]:
+    """Return half the least side or diameter of n plates, and |x| and |y| of their screw holes, each (n,), mm.
+
+    Parameters
+    ----------
+    x, y : farthest points of the seats along x and along y, (k, n), mm.
+    foot : radii of the recesses, or of the beams without one, (n,), mm.
+    screw, wall : diameter of the holes, 0 for none, and wall between seats and edge, mm.
+    """
+    hole = screw / 2
+    at_beam, none = (foot + hole + EDGE) / math.sqrt(2), np.zeros_like(foot)
+    if is_round:
+        # a hole on the diagonal lies beside the seats; its wall to a seat is at least as thick as that of a post
+        at = np.maximum(at_beam, np.minimum(x, y).max(axis=0) + wall + hole) if hole else none
+        beam, reach, aside = foot + wall, np.hypot(x, y).max(axis=0), math.sqrt(2) * at
+    else:
+        # the holes lie on the diagonals, EDGE away from the beam, and reach as far out as the seats and their walls
+        beam, reach = foot + EDGE, np.maximum(x, y).max(axis=0)
+        at = aside = np.maximum(at_beam, reach + wall - hole if hole else none)
+    return np.maximum.reduce([aside + hole + EDGE if hole else none, beam, reach + wall]), at
+
+
+def least_thickness(z1: Array, z23: Array) -> Array:
+    """Return the least thickness of plates for S1 and for S2 and S3 at these heights, mm."""
+    part = SS495A
+    return np.maximum(part.thickness - part.depth - z1, part.height / 2 - z23 + WEB)
 
 
 def _openings(seats: Seats, recess: float, recess_radius: float) -> tuple[Block, ...]:

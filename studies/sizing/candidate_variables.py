@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from analytic.parts import of_design
 from geometry.arrays import Array, Ints
-from geometry.base import EDGE, plan
+from geometry.base import THINNEST, least_outline, least_thickness, plan
 from geometry.design import LEAST_WALL, BadInput, Design
 from geometry.fabrication.hall_elements import SS495A, WEB
 from geometry.fabrication.printability import PROCESSES
@@ -257,20 +257,13 @@ class Candidates:
         post = three & (level > 0)
         half = part.width / 2 + fit + np.where(post, wall, 0.0)
         far = f - part.depth + part.thickness + fit + np.where(post, wall, 0.0)
-        # the seat of S1, or of each chip on the circle
+        # the seat of S1, or of each chip on the circle, and those of S2 and S3
         places = np.abs(np.moveaxis(self.circle(), 1, 0))
-        x, y = self.hall_part("reach_x") + places[0], self.hall_part("reach_y") + places[1]
-        R, hole = self.D / 2, 0.0 if choices.is_round or not needed.screws else 1.1
-        if choices.is_round:
-            reach = np.maximum(np.hypot(x, y).max(axis=0), np.where(three, np.hypot(far, half), 0.0))
-            outer = np.maximum(R + process.fit + wall, reach + wall)
-        else:
-            reach = np.maximum(np.maximum(x, y).max(axis=0), np.where(three, np.maximum(far, half), 0.0))
-            at = np.maximum((R + hole + EDGE) / np.sqrt(2), reach + wall - hole)
-            outer = np.maximum.reduce([at + hole + EDGE if hole else 0 * R, R + EDGE, reach + wall])
-        one_axis = np.maximum.reduce(
-            [np.full(len(self), 3.0), part.thickness - part.depth - s1, part.height / 2 - level + WEB]
-        )
+        x = np.vstack([self.hall_part("reach_x") + places[0], np.where(three, far, 0.0)])
+        y = np.vstack([self.hall_part("reach_y") + places[1], np.where(three, half, 0.0)])
+        foot = self.D / 2 + (process.fit if choices.is_round else 0.0)
+        outer, _ = least_outline(x, y, foot, choices.hole, wall, choices.is_round)
+        one_axis = np.maximum(THINNEST, least_thickness(s1, level))
         thickness = np.where(three, one_axis, self.hall_part("above_underside") - s1)
         roof = s1 + self.hall_part("roof") - fit
         top = np.maximum(roof, np.where(three, level + part.height / 2, -np.inf))
