@@ -130,16 +130,18 @@ def motions(beams: BeamModel, designs: Sequence[Design], depth: Array, shear: Ar
     return Motions(mirrored(values, np.sign(shear)), half_widths, refusals)
 
 
-def mechanics(moved: Motions, depth: Array, shear: Array) -> Mechanics:
-    """Return the polynomials of a decoder through the states of one sensor under loads (1, k), mm, as far as known.
+def mechanics(moved: Motions, depth: Array, shear: Array, k: int = 0) -> Mechanics:
+    """Return the polynomials of the decoder of sensor `k` through its states at depths and shears (n, k), mm.
+
+    What the model refuses is left out.
 
     Raises
     ------
     BadInput
         The states contain no press or no shear.
     """
-    known = moved.refusals == ""
+    known = moved.refusals[k] == ""
     u, w, tilt, f_t, f_n = (
-        moved.values[name][known] for name in ("shift_x", "shift_z", "tilt", "force_x", "force_z")
+        moved.values[name][k, known] for name in ("shift_x", "shift_z", "tilt", "force_x", "force_z")
     )
-    return of_states(u, w, tilt, f_t, f_n, depth[known], shear[known])
+    return of_states(u, w, tilt, f_t, f_n, depth[k, known], shear[k, known])

@@ -171,8 +171,7 @@ def of_finite_elements(design: Design, solves: Mapping[str, Any] = {}) -> Source
     sheared = np.unique(depth[known & (shear > 0)])
     if len(sheared) < ENOUGH:
         raise SolveFailed(f"of {len(stable)} stable presses {len(sheared)} have shears, fewer than {ENOUGH}: {lost}")
-    reason = f"{known.sum()} of {known.size} states by finite elements ({beams.solved} solved now)"
-    return Source(FEM, mechanics(moved, depth, shear), reason)
+    return Source(FEM, mechanics(moved, depth, shear), f"{known.sum()} of {known.size} states by finite elements")
 
 
 def _loads(design: Design) -> tuple[Array, Array]:

@@ -33,14 +33,10 @@ class SolvedBeams:
     """Beams of n designs by finite elements; see `studies.beam.beam_model.RatedBeams`.
 
     Half widths are what error estimates say; 0 of what is 0 or never estimated, NaN where an error is unknown.
-
-    Attributes
-    ----------
-    solved : number of states that were solved now.
     """
 
     def __init__(self, designs: Sequence[Design], fem: FiniteElements) -> None:
-        self.designs, self.fem, self.solved = designs, fem, 0
+        self.designs, self.fem = designs, fem
         self.D, self.E = scales(designs)
 
     def take(self, rows: Ints) -> SolvedBeams:
@@ -64,7 +60,6 @@ class SolvedBeams:
             for k, d, s in zip(rows.tolist(), depths.tolist(), shears.tolist(), strict=True)
         ]
         answers = self.fem.answers(cases, MOTIONS, "harmonic" if shears.all() else "auto")
-        self.solved += int((answers["seconds"] > 0).sum())
         reasons = answers["message"].where(answers["message"] != "", answers["status"])
         refusals[rows, columns] = reasons.where(answers["status"] != "ok", "")
         of_unit = units(self.D[rows], self.E[rows])

@@ -16,24 +16,26 @@ import numpy as np
 import pandas as pd
 
 from analytic.inverse.forward_model import rotation
-from analytic.inverse.response_surface import Mechanics, force_and_load, forces, of_samples
+from analytic.inverse.response_surface import Mechanics, force_and_load, forces
 from analytic.parts import CONVERTER_STEP
 from analytic.reading_noise import of_average
+from fem.accuracy import QUICK
 from geometry.arrays import Array
 from geometry.design import Design, paper
-from geometry.loads import Load, Response
 from geometry.messages import Progress
+from studies.beam.beam_model import mechanics, motions
 from studies.calibration import calibrated_forces, calibration_study, force_regression, regression_study, sensor_fit
 from studies.calibration.bench_file import Bench
 from studies.calibration.regression_study import Recorded
 from studies.calibration.sensor_fit import Sensor
 from studies.calibration.simulated_bench import STAND_COMPLIANCE, STAND_ZERO
+from studies.cases import FiniteElements
 from studies.output.goals import Goal
 from studies.output.result import Result, Table
 from studies.parts.part_tolerances import tolerances
 from studies.sensitivity.made_sensors import MadeSensors, made_readings, made_sensors
+from studies.simulation.solved_beams import SolvedBeams
 from studies.validation import pages
-from studies.validation.error_study_cases import answers_of
 from studies.validation.pages import Row
 
 FILES = ("CALIBRATIONS.md", "calibrations.csv", "unknowns.csv")
@@ -63,14 +65,11 @@ LOST = 1.0
 
 def mechanics_of(designs: Sequence[Design], store: Path | None, progress: Progress) -> list[Mechanics]:
     """Return the mechanics of designs by finite elements at level quick, in N and mm."""
-    loads = [Load(depth=d, shear_x=d * s, friction="stick") for d in DEPTHS.tolist() for s in SHEARS.tolist()]
-    asked: Any = [(design, load, "rigid") for design in designs for load in loads]
-    found = answers_of(asked, ["fem:quick"] * len(asked), ["force", "shift", "tilt"], progress, store=store)
-    names = ["force_x_N", "force_N", "shift_x_mm", "shift_z_mm", "tilt_rad"]
-    states = zip(loads * len(designs), found["status"] == "ok", found[names].to_numpy().tolist(), strict=True)
-    samples = [(load, Response((x, 0.0, z), (u, 0.0, w), tilt, 0.0), ok) for load, ok, (x, z, u, w, tilt) in states]
-    parts = (samples[k : k + len(loads)] for k in range(0, len(samples), len(loads)))
-    return [of_samples((load, response) for load, response, ok in part if ok) for part in parts]
+    loads = np.repeat(DEPTHS, len(SHEARS)), np.outer(DEPTHS, SHEARS).ravel()
+    depth, shear = (np.tile(each, (len(designs), 1)) for each in loads)
+    fem = FiniteElements(QUICK, {"store": store, "progress": progress})
+    moved = motions(SolvedBeams(designs, fem), designs, depth, shear)
+    return [mechanics(moved, depth, shear, k) for k in range(len(designs))]
 
 
 def bench_rows(made: MadeSensors, law: Mechanics, shift: Array, rng: np.random.Generator) -> tuple[Array, Array]:
