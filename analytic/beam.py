@@ -116,7 +116,7 @@ def _paper(design: Design, load: Load) -> Response:
             f"{load.depth:g} mm: take a smaller depth, or finite elements"
         )
     area = math.pi * (design.D * load.depth - load.depth**2)
-    normal = design.E * area * load.depth / design.L
+    normal = design.E_now * area * load.depth / design.L
     stiffness = cantilever_stiffness(design)
     # the force that a fully sheared tip needs, and the largest one that friction carries
     full, limit = stiffness * load.shear, math.inf if load.tip_is_held else (load.coulomb or 0.0) * normal

@@ -23,7 +23,7 @@ FREE, GUIDED = math.pi / 2, 4.493409457909064
 
 def bending_stiffness(design: Design) -> float:
     """E I of the section, N mm^2."""
-    return design.E * math.pi * design.D**4 / 64
+    return design.E_now * math.pi * design.D**4 / 64
 
 
 def euler(design: Design, end: float = FREE) -> float:
@@ -40,7 +40,7 @@ def shear_stiffness(design: Design) -> float:
     """k G A of the section, N."""
     nu = design.nu
     k = 6 * (1 + nu) / (7 + 6 * nu)
-    return k * design.E / (2 * (1 + nu)) * math.pi * design.D**2 / 4
+    return k * design.E_now / (2 * (1 + nu)) * math.pi * design.D**2 / 4
 
 
 def sideways_stiffness(design: Design) -> float:
@@ -69,4 +69,4 @@ def haringx(design: Design, end: float = FREE) -> float:
 def depth(design: Design, force: float) -> float:
     """Depth of the press under a force, mm: Hertz contact of the dome in series with the column, F H / (E A)."""
     hertz = math.pow(3 * force / (4 * effective_modulus(design) * math.sqrt(design.R)), 2 / 3)
-    return hertz + force * design.H / (design.E * math.pi * design.R**2)
+    return hertz + force * design.H / (design.E_now * math.pi * design.R**2)

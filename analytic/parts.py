@@ -128,8 +128,8 @@ def common_values(design: Design) -> tuple[float, float, float, float, float, fl
     """Return gain, null, low, high, noise of one sample, step and plate, which all elements have in common."""
     if design.hall_layout != "three":
         chip = design.chip
-        return 1.0, 0.0, -chip.range, chip.range, chip.noise or 0.0, chip.step, 0.0
-    rails = design.hall_gain, design.hall_null, design.hall_low, design.hall_high
+        return design.hall_gain_now, 0.0, -chip.range, chip.range, chip.noise or 0.0, chip.step, 0.0
+    rails = design.hall_gain_now, design.hall_null, design.hall_low, design.hall_high
     noise = reading_noise.of_sample(design.hall_noise, design.hall_noise_density, design.hall_bandwidth)
     return *rails, noise, design.hall_step, design.hall_plate
 

@@ -106,7 +106,7 @@ def false_position(function: Callable[[float], float], low: float, high: float, 
 
 def effective_modulus(design: Design) -> float:
     """E* = E/(1 - nu^2) of silicone on a rigid plate, MPa."""
-    return design.E / (1 - design.nu**2)
+    return design.E_now / (1 - design.nu**2)
 
 
 def floor(design: Design, terms: Terms) -> float:
@@ -139,7 +139,7 @@ def _dome(design: Design, terms: Terms) -> Callable[[float], float]:
 def _column(design: Design, terms: Terms) -> Callable[[float], tuple[float, float]]:
     """Return the sinking of the centre, mm, and the stretch of the column, as a function of the force, N."""
     R = design.R
-    stiffness = design.E * math.pi * R**2
+    stiffness = design.E_now * math.pi * R**2
     if not terms.tip:
         return lambda force: (design.H * (force / stiffness), 1.0)
     gap = floor(design, terms) / R

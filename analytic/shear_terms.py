@@ -131,7 +131,7 @@ def _inclined(
 
 def bend(design: Design, column: Column, P: float) -> Bent:
     """Response of the column to a shear of 1 mm under the press force P."""
-    G, R = design.E / (2 * (1 + design.nu)), design.R
+    G, R = design.E_now / (2 * (1 + design.nu)), design.R
     B, S, s = column.bending, column.shearing, column.length
     f = 1 + P / S
     x = s * math.sqrt(P * f / B)

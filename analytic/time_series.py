@@ -65,7 +65,7 @@ class RelaxingForce:
     def __init__(self, design: Design, branches: Relaxation | None = None) -> None:
         branches = relaxation_of(design) if branches is None else branches
         self._times, self._grown = np.array(branches.times), np.array(branches.shares) / branches.rest
-        self.slow, self._softening = moduli(design)[1] / design.E, softening(design)
+        self.slow, self._softening = moduli(design)[1] / design.E_now, softening(design)
         self._time, self._last, self._parts = math.nan, np.zeros(3), np.zeros((len(self._times), 3))
         self._least, self._most = np.zeros(3), np.zeros(3)
 

@@ -182,7 +182,7 @@ class Scene:
     @property
     def push(self) -> float:
         """The imperfection, a dead force along x, over E D^2."""
-        return self.loads[0].imperfection / (self.design.E * self.design.D**2)
+        return self.loads[0].imperfection / (self.design.E_now * self.design.D**2)
 
     def harmonics_at(self, depth: float) -> int:
         """Return the number of harmonics for a load at a depth over D, at most MOST_HARMONICS.
@@ -221,7 +221,7 @@ class Scene:
                 "friction": load.friction,
                 "grip": None if load.grip is None else load.grip / D,
                 "plate_tilt": load.plate_tilt,
-                "imperfection": load.imperfection / (self.design.E * D**2),
+                "imperfection": load.imperfection / (self.design.E_now * D**2),
             }
             for load in self.loads
         ]

@@ -44,17 +44,41 @@ HALL_LAYOUTS = ("three", *CHIPS, OWN)
 POLES = {"down": 1.0, "up": -1.0}
 """Where the magnet's north pole can point, with the sign of its polarisation along -z: down is towards the base."""
 
-OF_MAGNET = ("remanence", "magnet_north", "magnet_density")
+REFERENCE_TEMPERATURE, KELVIN = 20.0, 273.15
+"""Temperature at which E, the remanence and the gains of a design hold, C, as data sheets of magnets state theirs
+(IEC 60404-8-1); and 0 C, K."""
+HOT_MAGNET = 80.0
+"""Largest working temperature of the standard grades of NdFeB, C: above it a magnet may lose remanence for good."""
+
+OF_MAGNET = ("remanence", "remanence_drift", "magnet_north", "magnet_density")
 """Fields that have no effect without a magnet.
 
 `magnet_edge_radius` is not listed: its default of 0.1 mm may stay when the magnet is removed.
 """
+
+OF_MODULUS = ("E", "temperature")
+"""Fields on which the mechanics depend by the modulus at the temperature alone (`Design.E_now`)."""
 
 OF_TIME = ("loss_factor", "loss_low", "loss_high", "prony", "modulus")
 """Fields of the relaxation (see `geometry.relaxation`), which have no effect on a static state."""
 
 LEAST_ALPHA = 0.01
 """Least magnitude of an exponent of Ogden's law: the energy divides by the exponent, so 0 is impossible."""
+
+
+def modulus_at(E: Any, temperature: Any) -> Any:
+    """Return the Young's modulus of a rubber at a temperature, C, from E at the reference temperature.
+
+    The stress of a rubber is that of the entropy of its chains, so that its modulus is proportional to the absolute
+    temperature (Treloar, The Physics of Rubber Elasticity, 1975, chapter 4): 0.34 % per K at 20 C. This holds far
+    above the glass transition (-125 C of polydimethylsiloxane), where a silicone does not crystallise (below about
+    -45 C) or age (above about 200 C): the bounds of `Design.temperature`. Fillers, whose network softens with the
+    temperature, make it less. Loss factor and branches are taken as independent of the temperature. Arrays broadcast.
+
+    >>> modulus_at(1.0, 20.0), round(modulus_at(1.0, 60.0), 4)
+    (1.0, 1.1364)
+    """
+    return E * ((temperature + KELVIN) / (REFERENCE_TEMPERATURE + KELVIN))
 
 
 def no_numbers(law: str) -> str:
@@ -66,8 +90,8 @@ def no_numbers(law: str) -> str:
     return f"the law {law} without its numbers is the law neo-hookean: set {' or '.join(LAWS[law])}"
 
 
-def _choice(default: str, choices: Iterable[str], text: str, *, assumed: bool) -> Any:
-    return field(default=default, metadata={"unit": "1", "choices": tuple(choices), "text": text, "assumed": assumed})
+def _choice(default: str, choices: Iterable[str], text: str, **about: Any) -> Any:
+    return field(default=default, metadata={"unit": "1", "choices": tuple(choices), "text": text, **about})
 
 
 def _words(default: str, text: str, *, assumed: bool) -> Any:
@@ -132,9 +156,14 @@ class Shape:
 class Design:
     """A sensor. All fields are floats, except names (`law`, `magnet_north`, `hall_layout`, `modulus`) and `prony`.
 
+    E, the remanence and the gains are those at 20 C (`REFERENCE_TEMPERATURE`). Mechanics, field and readings take
+    `E_now`, `polarisation` and `hall_gain_now`, which are those at the `temperature`. Lengths do not change with it:
+    silicone expands by 0.03 % per K, which would move the magnet of the paper's sensor by 2 um per K. Nulls and noise
+    of the elements stay, too.
+
     `prony` lists measured Prony branches "g:tau g:tau ...", tau in s; see `geometry.relaxation`. The metadata of a
     field give its unit, its range or its choices, and a description. `assumed` is True where the paper gives no value
-    for the default.
+    for the default, and `later` for fields that labels of older files lack (see `geometry.design_digest`).
 
     Raises
     ------
@@ -151,7 +180,9 @@ class Design:
     D: float = quantity(8.0, "mm", 0.1, 200, "diameter of the beam", assumed=False)
     L: float = quantity(9.0, "mm", 0.05, 4000, "total length of the beam, tip included", assumed=False)
     f: float = quantity(5.0, "mm", 0.01, 1000, "distance of S2 and S3 from the axis", assumed=False)
-    E: float = quantity(1.0, "MPa", 1e-4, 1e4, "Young's modulus of the silicone at small strain", assumed=False)
+    E: float = quantity(
+        1.0, "MPa", 1e-4, 1e4, "Young's modulus of the silicone at small strain, at 20 C", assumed=False
+    )
     nu: float = quantity(
         0.4998, "1", 0.0, 0.5, "Poisson's ratio (0.4998: bulk modulus 0.83 GPa at E = 1 MPa)", assumed=True
     )
@@ -165,13 +196,21 @@ class Design:
     magnet_diameter: float = quantity(4.0, "mm", 0.0, 200, "diameter of the magnet (0: none)", assumed=False)
     magnet_height: float = quantity(2.0, "mm", 0.0, 200, "height of the magnet (0: none)", assumed=True)
     magnet_edge_radius: float = quantity(0.1, "mm", 0.0, 100, "radius of the magnet's two edges", assumed=True)
-    remanence: float = quantity(1.2, "T", 1e-3, 2.0, "J = mu0 M of the magnet", assumed=True)
-    magnet_north: str = _choice("down", POLES, "north pole of the magnet: down (to the base) or up", assumed=False)
+    remanence: float = quantity(1.2, "T", 1e-3, 2.0, "J = mu0 M of the magnet, at 20 C", assumed=True)
+    remanence_drift: float = quantity(
+        -0.12, "percent/K", -0.5, 0.5, "change of the remanence by the temperature (NdFeB)", assumed=True, later=True
+    )
+    magnet_north: str = _choice(
+        "down", POLES, "north pole of the magnet: down (to the base) or up", assumed=False, later=True
+    )
     density: float = quantity(1080, "kg/m3", 1, 25000, "density of the silicone", assumed=True)
     magnet_density: float = quantity(7500, "kg/m3", 1, 25000, "density of the magnet (NdFeB)", assumed=True)
     l0: float = quantity(7.2, "mm", 0.0, 1000, "distance from S1 up to the magnet's centre at rest", assumed=True)
     c: float = quantity(2.0, "mm", -1000, 1000, "height of S2 and S3 above S1", assumed=True)
     hall_gain: float = quantity(31.25, "V/T", 1e-3, 1e6, "gain of a Hall element (SS495A)", assumed=True)
+    hall_gain_drift: float = quantity(
+        0.02, "percent/K", -0.5, 0.5, "change of this gain by the temperature (SS495A)", assumed=True, later=True
+    )
     hall_null: float = quantity(2.5, "V", 0.0, 100, "output of a Hall element in zero field", assumed=True)
     hall_low: float = quantity(0.2, "V", 0.0, 100, "lower rail of a Hall element's output", assumed=True)
     hall_high: float = quantity(4.8, "V", 0.0, 100, "upper rail of a Hall element's output", assumed=True)
@@ -194,7 +233,13 @@ class Design:
         0.0, "mm", -1000, 1000, "distance of a 3-axis chip from the beam's axis, along x", assumed=False
     )
     chip_count: float = quantity(
-        1.0, "1", 1, max(CIRCLES), "number of 3-axis chips, evenly on a circle of radius chip_x", assumed=False
+        1.0,
+        "1",
+        1,
+        max(CIRCLES),
+        "number of 3-axis chips, evenly on a circle of radius chip_x",
+        assumed=False,
+        later=True,
     )
     chip_noise: float = quantity(
         0.0, "T", 0.0, 1, "noise (rms) of a chip's value (0: its data sheet's)", assumed=True
@@ -212,6 +257,9 @@ class Design:
     prony: str = _words("", "measured branches g:tau g:tau ..., tau in s (empty: loss_factor holds)", assumed=True)
     modulus: str = _choice(
         "long-term", ("long-term", "instantaneous"), "which modulus E is, at rest or after a step", assumed=True
+    )
+    temperature: float = quantity(
+        20.0, "degC", -40, 200, "temperature of silicone, magnet and Hall elements", assumed=True, later=True
     )
 
     def __post_init__(self) -> None:
@@ -289,7 +337,46 @@ class Design:
     @property
     def polarisation(self) -> float:
         """Polarisation of the magnet along -z, T: the remanence, negative if the north pole points up."""
-        return POLES[self.magnet_north] * self.remanence
+        return POLES[self.magnet_north] * self.remanence_now
+
+    @property
+    def E_now(self) -> float:
+        """Young's modulus at the temperature, MPa, with which all mechanics are: see `modulus_at`.
+
+        >>> Design().E_now, round(Design(temperature=60.0).E_now, 4)
+        (1.0, 1.1364)
+        """
+        return float(modulus_at(self.E, self.temperature))
+
+    @property
+    def remanence_now(self) -> float:
+        """Remanence at the temperature, T, reversible and linear: J (1 + drift (T - 20 C)).
+
+        Sintered NdFeB loses 0.12 % per K between 20 C and its working temperature (tables of grades of Arnold and
+        Shanghai magnet; 0.09 to 0.13 by alloy), SmCo 0.03 to 0.045 %, ferrite 0.2 %. Losses above the working
+        temperature, which stay, are not modelled.
+
+        >>> Design().remanence_now, round(Design(temperature=60.0).remanence_now, 4)
+        (1.2, 1.1424)
+        """
+        return self.remanence * self._drifted(self.remanence_drift)
+
+    @property
+    def hall_gain_now(self) -> float:
+        """Gain of an element at the temperature: of a one-axis element in V/T, of a chip over that at 20 C.
+
+        A chip whose data sheet states no drift keeps its gain.
+
+        >>> Design(temperature=60.0).hall_gain_now, Design(hall_layout="tmag5273a1", temperature=60.0).hall_gain_now
+        (31.5, 0.98)
+        """
+        if self.hall_layout == "three":
+            return self.hall_gain * self._drifted(self.hall_gain_drift)
+        return self._drifted(100 * (self.chip.gain_drift or 0.0))
+
+    def _drifted(self, drift: float) -> float:
+        """Return a value over that at the reference temperature; drift in percent per K."""
+        return 1 + drift / 100 * (self.temperature - REFERENCE_TEMPERATURE)
 
     @property
     def shape(self) -> Shape:
@@ -411,6 +498,16 @@ class Design:
                 f"the noise of {self.chip.name} is unknown: resolutions count its step alone and are too fine; "
                 "set chip_noise"
             )
+        if self.hall_layout != "three" and self.temperature != REFERENCE_TEMPERATURE and self.chip.gain_drift is None:
+            texts.append(
+                f"the drift of the gain of {self.chip.name} with the temperature is unknown: its gain is that at "
+                f"{REFERENCE_TEMPERATURE:g} C"
+            )
+        if self.shape.has_magnet and self.temperature > HOT_MAGNET:
+            texts.append(
+                f"temperature is {self.temperature:g} C: standard grades of NdFeB work up to {HOT_MAGNET:g} C, above "
+                "which they may lose remanence for good, which is not modelled"
+            )
         if not SILICONE_E[0] <= self.E <= SILICONE_E[1]:
             texts.append(
                 f"E = {self.E:g} MPa is outside the range of silicones, {SILICONE_E[0]:g} MPa (gels) to "
@@ -428,6 +525,12 @@ OF_ONE_LAYOUT: dict[str, tuple[str, ...]] = {
 }
 """For each layout, the fields that only some layouts use: a chip with a name has the figures of its data sheet."""
 
+OF_READINGS = tuple(
+    name
+    for name in _NAMES
+    if name.startswith(("hall_", "chip_")) or name in ("f", "l0", "c", "remanence", "remanence_drift", "magnet_north")
+)
+"""Fields on which readings depend, and mechanics do not."""
 _RANGES = tuple(
     (spec, spec.metadata.get("low", math.nan), spec.metadata.get("high", math.nan))
     for spec in dataclasses.fields(Design)

@@ -14,7 +14,7 @@ import json
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from geometry.design import LAWS, BadInput, Design, Shape
+from geometry.design import LAWS, OF_MODULUS, BadInput, Design, Shape
 from geometry.loads import Magnet
 
 Fields = dict[str, float | str]
@@ -25,12 +25,17 @@ DIGITS = 12
 """Number of hexadecimal digits of a digest: 48 bits, which a double or an integer of 64 bits holds exactly."""
 PREFIX = "made_for_"
 """Prefix of the field names in files that hold numbers only."""
-LATER: Fields = {"magnet_north": "down", "chip_count": 1.0}
-"""Keys that labels got after the first ones were written, with the values that older files mean."""
 
 _UNITS = {"magnet": "1", **{spec.name: spec.metadata["unit"] for spec in dataclasses.fields(Design)}}
-KEYS = {name: name if unit == "1" else f"{name}_{unit}" for name, unit in _UNITS.items()}
+KEYS = {name: name if unit == "1" else f"{name}_{unit.replace('/', '_per_')}" for name, unit in _UNITS.items()}
 """Key of each field in files: its name and its unit."""
+LATER: dict[str, Any] = {
+    key: spec.default
+    for spec in dataclasses.fields(Design)
+    if spec.metadata.get("later")
+    for key in (spec.name, KEYS[spec.name])
+}
+"""Fields that labels got after the first ones were written, by name and key, with what older files mean."""
 _NAMES = {KEYS[name]: (name, "" if unit == "1" else f" {unit}") for name, unit in _UNITS.items()}
 
 
@@ -38,9 +43,9 @@ def of_mechanics(design: Design, magnet: Magnet = "rigid") -> Fields:
     """Return the fields on which force, shift and tilt depend.
 
     >>> list(of_mechanics(Design(law="yeoh"), "ignored"))
-    ['D_mm', 'L_mm', 'E_MPa', 'nu', 'law', 'yeoh_2', 'yeoh_3', 'magnet']
+    ['D_mm', 'L_mm', 'E_MPa', 'temperature_degC', 'nu', 'law', 'yeoh_2', 'yeoh_3', 'magnet']
     """
-    fields = _fields(design, (*LENGTHS, "E", "nu", "law", *LAWS[design.law]))
+    fields = _fields(design, (*LENGTHS, *OF_MODULUS, "nu", "law", *LAWS[design.law]))
     return fields | {"magnet": magnet} | (_fields(design, MAGNET) if magnet == "rigid" else {})
 
 
@@ -50,7 +55,7 @@ def of_readings(design: Design) -> Fields:
     The formula of the magnetic field treats the magnet's edges as sharp, so `magnet_edge_radius` is not among them.
     """
     places = ("f", "l0", "c", "hall_plate") if design.hall_layout == "three" else ("l0", "chip_x", "chip_count")
-    magnet = ("magnet_diameter", "magnet_height", "remanence", "magnet_north")
+    magnet = ("magnet_diameter", "magnet_height", "remanence", "remanence_drift", "magnet_north", "temperature")
     return _fields(design, (*LENGTHS, *magnet, "hall_layout", *places))
 
 

@@ -347,7 +347,7 @@ def _check_imperfection(design: Design, force: float) -> None:
 
 def _check_pull(design: Design, grip: float, shear: float) -> None:
     radius = math.sqrt(grip * (2 * design.R - grip)) if grip < design.R else design.R
-    disc = (2 - design.nu) * (1 + design.nu) / (4 * design.E * radius)
+    disc = (2 - design.nu) * (1 + design.nu) / (4 * design.E_now * radius)
     # beam and held part carry the same force, so they share the shear in proportion to their compliances
     most = 5 * radius * (1 + tip_compliance(design) / disc)
     if not shear <= most:
@@ -360,6 +360,6 @@ def _check_pull(design: Design, grip: float, shear: float) -> None:
 def tip_compliance(design: Design) -> float:
     """Return the sideways compliance of the tip of a straight beam of silicone, from bending and shear, mm/N."""
     # 0.9: shear coefficient of a solid circular section
-    area, G = math.pi * design.R**2, design.E / (2 * (1 + design.nu))
-    bending = design.L**3 / (3 * design.E * area * design.R**2 / 4)
+    area, G = math.pi * design.R**2, design.E_now / (2 * (1 + design.nu))
+    bending = design.L**3 / (3 * design.E_now * area * design.R**2 / 4)
     return bending + design.L / (0.9 * G * area)

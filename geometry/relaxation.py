@@ -41,6 +41,10 @@ class Silicone(Protocol):
     @property
     def E(self) -> float: ...
     @property
+    def temperature(self) -> float: ...
+    @property
+    def E_now(self) -> float: ...
+    @property
     def modulus(self) -> str: ...
     @property
     def prony(self) -> str: ...
@@ -239,7 +243,7 @@ def relaxation_of(design: Silicone) -> Relaxation:
 
 
 def moduli(design: Silicone) -> tuple[float, float]:
-    """Return the instantaneous and the long-term Young's modulus of a design at small strain, MPa.
+    """Return the instantaneous and the long-term Young's modulus of a design at its temperature, MPa.
 
     The ratio of both is that of the shear moduli, exactly for nu = 0.5; the bulk does not relax.
 
@@ -247,8 +251,8 @@ def moduli(design: Silicone) -> tuple[float, float]:
     >>> moduli(Design(E=1.0, prony="0.5:1", modulus="instantaneous"))
     (1.0, 0.5)
     """
-    rest = relaxation_of(design).rest
-    return (design.E, design.E * rest) if design.modulus == "instantaneous" else (design.E / rest, design.E)
+    E, rest = design.E_now, relaxation_of(design).rest
+    return (E, E * rest) if design.modulus == "instantaneous" else (E / rest, E)
 
 
 def relaxation_notes(design: Silicone) -> list[str]:
@@ -259,13 +263,14 @@ def relaxation_notes(design: Silicone) -> list[str]:
     'E = 1 MPa is the long-term modulus (the default); the instantaneous modulus is 2 MPa'
     """
     relaxation, (fast, slow) = relaxation_of(design), moduli(design)
+    E = f"E = {design.E_now:g} MPa" + (f" at {design.temperature:g} C" if design.E_now != design.E else "")
     if not relaxation.times:
-        return [f"the silicone is elastic (loss_factor is 0): E = {design.E:g} MPa at every rate"]
+        return [f"the silicone is elastic (loss_factor is 0): {E} at every rate"]
     # a design file may state the default, so it is not called an assumption
     remark, second, value = (
         ("", "long-term", slow) if design.modulus == "instantaneous" else (" (the default)", "instantaneous", fast)
     )
-    which = f"E = {design.E:g} MPa is the {design.modulus} modulus{remark}; the {second} modulus is {value:.4g} MPa"
+    which = f"{E} is the {design.modulus} modulus{remark}; the {second} modulus is {value:.4g} MPa"
     count = f"{len(relaxation.times)} Prony branch{'es' if len(relaxation.times) > 1 else ''}"
     if design.prony:
         return [which, f"{count} from the field prony, which speak for {range_text(relaxation)}"]

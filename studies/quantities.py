@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 UNITS = {
     "1": "", "percent": "%", "mm": "mm", "um": "µm", "mm3": "mm³", "deg": "°", "rad": "rad", "N": "N", "mN": "mN",
     "MPa": "MPa", "mJ": "mJ", "N/mm": "N/mm", "kg/m3": "kg/m³", "mm/s": "mm/s", "Hz": "Hz", "s": "s", "K": "K",
+    "degC": "°C", "percent/K": "%/K",
     "T": "T", "mT": "mT", "V": "V", "V/T": "V/T", "V/sqrt(Hz)": "V/√Hz", "MB": "MB",
 }  # fmt: skip
 """Units by their names, as people read them; the only table of its kind. Those that files of users may state are in

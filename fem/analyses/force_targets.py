@@ -382,7 +382,7 @@ def walk_forces(
     scenes = []
     for target in targets:
         # a scene at the expected depth, with a shear: only its direction decides the mesh
-        depth = expected_depth(design, magnet, target.force / (design.E * design.D**2)) * design.D
+        depth = expected_depth(design, magnet, target.force / (design.E_now * design.D**2)) * design.D
         scenes.append(Scene(design, (target.load_at(depth, depth),), accuracy, magnet, model, mesh))
     search, total = _Search(estimate), len(targets)
     return (
@@ -452,7 +452,7 @@ class _Search:
 
     def _press(self, target: ForceTarget, scene: Scene, watch: Watch) -> tuple[ForcePath, CurvePoint]:
         """Return the state of a press with the normal force of a target, and the path on the mesh of its depth."""
-        (load,), D, E = scene.loads, scene.design.D, scene.design.E
+        (load,), D, E = scene.loads, scene.design.D, scene.design.E_now
         depth = self._depths.get(target.force, load.depth)
         # two meshes are usual; at the bound of two ranges each may lead to the other
         for meshes_left in reversed(range(5)):
@@ -516,11 +516,11 @@ class ForcePath:
     def shear(self, pressed: CurvePoint, target: ForceTarget, watch: Callable[..., None]) -> CurvePoint:
         """Return the state with the shear force of a target, after a press to a state whose normal force it holds."""
         design = self.scene.design
-        force = target.shear_size / (design.E * design.D**2)
+        force = target.shear_size / (design.E_now * design.D**2)
         # that of a straight beam; a path to half of D always converges
-        guess = min(force * tip_compliance(design) * design.E * design.D, 0.5)
+        guess = min(force * tip_compliance(design) * design.E_now * design.D, 0.5)
         held, curve = self.start_shear(pressed)
-        held.watch, held.force = watch, target.force / (design.E * design.D**2)
+        held.watch, held.force = watch, target.force / (design.E_now * design.D**2)
         if len(curve.points) == 1:
             curve.reach(FIRST_PART * guess)
         found = curve.find(force, guess)
@@ -717,7 +717,7 @@ def _move(path: Path, axis: Array, state: PathState, motion: float) -> CurvePoin
 
 def _refusal(error: NotReached, force: float, loading: str, motion: str, design: Design) -> str:
     """Return why no state has a force, N: with the largest force, or the jump of the force."""
-    unit, point = design.E * design.D**2, error.point
+    unit, point = design.E_now * design.D**2, error.point
     at = f"at {motion} {point.motion * design.D:.4g} mm"
     if not point.motion and point.force * unit > force:
         return (

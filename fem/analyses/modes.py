@@ -159,7 +159,7 @@ def refuse_unstable(stability: Stability, depth: float) -> None:
 
 def frequency_unit(design: Design) -> float:
     """Return the frequency at which omega D (rho / E)^(1/2) is 1, Hz; inputs in mm, MPa and kg/m^3."""
-    return math.sqrt(1e6 * design.E / design.density) / (1e-3 * design.D) / (2 * math.pi)
+    return math.sqrt(1e6 * design.E_now / design.density) / (1e-3 * design.D) / (2 * math.pi)
 
 
 def spring_mass(design: Design) -> tuple[float, float]:
@@ -169,7 +169,7 @@ def spring_mass(design: Design) -> tuple[float, float]:
     the magnet it is the paper's "approximately 970 Hz" (section IV.C), as we read it.
     """
     volume, core = beam_volume(design.shape), magnet_volume(design.shape)
-    k = 1e3 * design.E * math.pi * design.R**2 / design.L
+    k = 1e3 * design.E_now * math.pi * design.R**2 / design.L
     light, heavy = design.density * volume / 3, design.density * (volume - core) / 3 + design.magnet_density * core
     return math.sqrt(k / (light * 1e-9)) / (2 * math.pi), math.sqrt(k / (heavy * 1e-9)) / (2 * math.pi)
 

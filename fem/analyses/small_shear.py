@@ -119,7 +119,7 @@ def _solve_small_shear(scene: Scene, edge: float) -> SmallShear:
 
     edge : where the contact ends, of `find_press`.
     """
-    D, E, accuracy = scene.design.D, scene.design.E, scene.accuracy
+    D, E, accuracy = scene.design.D, scene.design.E_now, scene.accuracy
     section = replace(specification(scene, accuracy.section_size), glued=True)
     press = reach_press(section, edge, EDGE * accuracy.section_patch, scene.loads[0].depth / D, D)
     pressed = press.state

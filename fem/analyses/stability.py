@@ -124,7 +124,7 @@ def _find_critical(scene: Scene, guided: bool) -> Critical:
     stable = found.stable_to * D
     if found.depth is None or found.force is None:
         return Critical(None, None, stable, found.message.format(f"{stable:.4g}"))
-    return Critical(found.depth * D, found.force * scene.design.E * D**2, stable, "")
+    return Critical(found.depth * D, found.force * scene.design.E_now * D**2, stable, "")
 
 
 def _fine_section(scene: Scene, edge: float | None = None) -> MeshSpecification:

@@ -224,7 +224,7 @@ def _follow(path: TimedPath, segments: Sequence[Segment], every_step: bool) -> I
 
 
 def _read(path: TimedPath, state: ViscousState, load: Load, iterations: int, stop: Stop = "") -> TimedState:
-    unit = path.scene.design.E * path.scene.design.D**3
+    unit = path.scene.design.E_now * path.scene.design.D**3
     (work, absorbed), stored = state.works.tolist(), state.history.stored(state.points)
     touched = state.largest > 0
     solution = read(state.path, path.scene, load, stop, iterations=iterations, margin=path.margin, touched=touched)

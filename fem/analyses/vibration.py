@@ -333,7 +333,7 @@ class VibratingSensor:
 
     def static_stiffness(self) -> dict[str, float]:
         """Return the force along each motion over the motion at rest, N/mm; empty about the free sensor."""
-        E, D, still = self.scene.design.E, self.scene.design.D, np.zeros(1)
+        E, D, still = self.scene.design.E_now, self.scene.design.D, np.zeros(1)
         stiffness: dict[str, float] = {}
         for part in self.reduced_blocks:
             if part.block.plate is not None:
@@ -372,7 +372,7 @@ def relaxed(design: Design, relaxation: Relaxation) -> Design:
 
 def highest_frequency(design: Design, accuracy: Accuracy) -> float:
     """Return the highest frequency that the mesh of an accuracy level carries, Hz, for a design at rest."""
-    speed = 1e3 * math.sqrt(1e6 * lame(design.E, design.nu)[0] / design.density)  # mm/s
+    speed = 1e3 * math.sqrt(1e6 * lame(design.E_now, design.nu)[0] / design.density)  # mm/s
     # five quadratic elements of length h to a shear wave make its speed wrong by (2 pi h / length)^4 / 1440 = 0.2 %
     # (Ainsworth 2004)
     return speed / (5 * accuracy.section_size * design.D)
@@ -485,7 +485,7 @@ def _solve_part(
     part: ReducedBlock, scene: Scene, relaxation: Relaxation, f: Array
 ) -> tuple[Complex, Complex, Complex, Array]:
     """Return force, shift, tilt and kept amplitude of `Vibration` for the motions of one part."""
-    D, E, system, block = scene.design.D, scene.design.E, part.system, part.block
+    D, E, system, block = scene.design.D, scene.design.E_now, part.system, part.block
     c, eigenvalues = _coefficients(scene, relaxation, f)
     y = system.solve(c, eigenvalues)
     k = len(block.motions)

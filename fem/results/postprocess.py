@@ -42,7 +42,7 @@ def read(
     """
     d, nodal = state.d, state.d.system.state(state.q)
     design, friction, (radius, radius_from) = scene.design, state.friction, contact_size(state)
-    D, E = design.D, design.E
+    D, E = design.D, design.E_now
     solution = Solution(
         load=reached_load(state, load, scene) if stop else load,
         response=read_response(state, scene, radius),
@@ -77,7 +77,7 @@ def read_response(state: PathState, scene: Scene, radius: float | None) -> Respo
     """Return the force and the pose of the magnet in the user's frame and units; `radius` of `contact_size`."""
     d, nodal, turn, design = state.d, state.d.system.state(state.q), scene.turn.T, scene.design
     D = design.D
-    total = tip_force(state) * design.E * D**2
+    total = tip_force(state) * design.E_now * D**2
     shift, tilt = read_pose(d, nodal.u, state.q)
     # components that symmetry forbids contain only rounding errors
     if d.model == "axisymmetric":

@@ -112,7 +112,7 @@ def mirrored(values: Mapping[str, Array], sign: Array | float = -1.0) -> dict[st
 
 def scales(designs: Sequence[Design]) -> tuple[Array, Array]:
     """Return D, mm, and E, MPa, of designs, each (n,)."""
-    D, E = np.array([(design.D, design.E) for design in designs]).reshape(-1, 2).T
+    D, E = np.array([(design.D, design.E_now) for design in designs]).reshape(-1, 2).T
     return D, E
 
 

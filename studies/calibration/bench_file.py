@@ -17,9 +17,9 @@ import numpy as np
 
 from analytic import parts
 from geometry.arrays import Array
-from geometry.design import BadInput, Design
+from geometry.design import KELVIN, BadInput, Design
 from studies.inputs.table_input import COLDEST, HOTTEST, Measured, split_head
-from studies.inputs.units import IN_HEADS, KELVIN
+from studies.inputs.units import IN_HEADS
 
 FORCES, MOTIONS = ("Fx_N", "Fy_N", "Fz_N"), ("depth_mm", "shear_x_mm", "shear_y_mm")
 NAMES = {

@@ -76,7 +76,7 @@ def coder_of(found: Fit, *, warm: bool = True) -> Decoder:
     sizes = {name: getattr(magnet, name) for name in ("magnet_diameter", "magnet_height")}
     # beyond noise and error of the unknowns, more than three readings contradict each other
     at_rest = np.zeros((1, 3))
-    unknown = found.answers(sensor.design.E, at_rest, at_rest[:, :2], at_rest)[1][0] / QUANTILE
+    unknown = found.answers(sensor.design.E_now, at_rest, at_rest[:, :2], at_rest)[1][0] / QUANTILE
     if not warm:
         unknown = np.hypot(
             unknown, UNKNOWN * _by_temperature(sensor, theta, at_rest, np.zeros(1))[0, : len(elements)]

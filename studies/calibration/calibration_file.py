@@ -179,9 +179,11 @@ def _fit_of(record: dict[str, Any]) -> Fit:
     force, share, T_0, growth = (
         float(numbers_of(name, record[name])) for name in ("force_noise_N", "force_share", "temperature_C", "growth")
     )
+    if design.temperature != T_0:
+        raise ValueError(f"temperature_C must be that of the design, {design.temperature:g}; got {T_0:g}")
     if not (min(*noise.tolist(), force) > 0 and share >= 0 and growth >= 1):
         raise ValueError("errors of readings and forces must be above 0, and growth at least 1")
-    sensor = Sensor(design, mechanics, un, noise, force, force_share=share, temperature_C=T_0)
+    sensor = Sensor(design, mechanics, un, noise, force, force_share=share)
     theta = numbers_of("value", [row["value"] for row in rows], count)
     covariance = numbers_of("covariance", record["covariance"], count, count)
     # growth is in the covariance already; of the decoder's own noise it is the factor too
@@ -286,7 +288,7 @@ def readings(
         )
     place = field_readings.read_pose(nominal, tuple(s[0].tolist()), tuple(t[0].tolist()), sensing)
     (row,) = made_rows(found, [place])
-    _, _, force, half = found.answers(nominal.E, s, t, force)
+    _, _, force, half = found.answers(nominal.E_now, s, t, force)
     known = {"depth_mm": depth, "shear_mm": x, "shear_y_mm": y}
     return of_record("Readings", known | row | {"force_N": force[0].tolist(), "half_width_N": half[0].tolist()})
 
@@ -298,7 +300,7 @@ def made_rows(found: Fit, rows: Sequence[FlatRow]) -> list[FlatRow]:
     shift, tilt = (
         np.array([row[name] for row in posed]).reshape(len(posed), -1) for name in ("shift_mm", "rotation_rad")
     )
-    raw, half, _, _ = found.answers(found.sensor.design.E, shift, tilt, np.zeros_like(shift))
+    raw, half, _, _ = found.answers(found.sensor.design.E_now, shift, tilt, np.zeros_like(shift))
     output, saturated = outputs_of(found, raw)
     unit = elements[0].unit
     made = iter(
@@ -322,7 +324,7 @@ def made_rows(found: Fit, rows: Sequence[FlatRow]) -> list[FlatRow]:
 
 def made_states(found: Fit, design: Design, times: Array, shift: Array, tilt: Array, force: Array) -> MadeStates:
     """Return what the estimated sensor answers in states of a motion from rest, as `loading_cycles.Made` does."""
-    raw, _, felt, _ = found.answers(design.E, shift, tilt, force)
+    raw, _, felt, _ = found.answers(design.E_now, shift, tilt, force)
     outputs, saturated = outputs_of(found, raw)
     readings = np.where(saturated.any(axis=1, keepdims=True), np.nan, outputs)
     answer, law = calibrated_forces.decode(found, readings, np.zeros(len(raw))), RelaxingForce(design)

@@ -125,7 +125,7 @@ def run(design: Design, file: Path, progress: Progress) -> Result:
     theta, covariance, fitted = fit(design, position, measured)
     size = np.sqrt(np.diag(covariance))
     value, wide = theta.copy(), size.copy()
-    value[0], wide[0] = design.remanence * (1 + theta[0]), design.remanence * size[0]
+    value[0], wide[0] = design.remanence_now * (1 + theta[0]), design.remanence_now * size[0]
     rows: list[FlatRow] = [
         {"name": name, "unit": unit, "value": v, "deviation": d}
         for (name, (unit, _)), v, d in zip(UNKNOWNS.items(), value.tolist(), wide.tolist(), strict=True)

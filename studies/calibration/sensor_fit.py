@@ -193,7 +193,6 @@ class Sensor:
     force_noise, motion_noise : of forces at rest, N, and of depth and shears, mm.
     force_share : standard deviation of a force's component over the component, which adds to it: hysteresis, and what
         the mechanics miss.
-    temperature_C : T_0 of the nominal sensor.
     """
 
     design: Design
@@ -203,7 +202,11 @@ class Sensor:
     force_noise: float
     motion_noise: float = 0.02
     force_share: float = 0.0
-    temperature_C: float = 20.0
+
+    @property
+    def temperature_C(self) -> float:
+        """T_0 of the nominal sensor, C."""
+        return self.design.temperature
 
     def value(self, theta: Array, name: str) -> Array:
         """Return an unknown of theta (..., p), or what it is where the bench has none."""
@@ -382,7 +385,7 @@ class Fit:
 
         Parameters
         ----------
-        E : modulus of the design, MPa, to which its forces are proportional.
+        E : modulus of the design at its temperature, MPa, to which its forces are proportional.
         shift, tilt, force : (n, 3), (n, 2) and (n, 3), such as those of finite elements.
 
         Returns
@@ -391,7 +394,7 @@ class Fit:
         """
         sensor, free = self.sensor, self.sensor.unknowns.free
         thetas, steps = _moved(sensor, self.theta, free)
-        warmer, force = np.zeros(len(shift)), force * (sensor.design.E / E)
+        warmer, force = np.zeros(len(shift)), force * (sensor.design.E_now / E)
         s, t, F = (np.repeat(each[None], len(thetas), axis=0) for each in (shift, tilt, force))
         both = np.concatenate(sensor.answers_all(thetas, s, t, F, warmer), axis=2)
         slope = np.moveaxis((both[1:] - both[0]) / steps[:, None, None], 0, -1)

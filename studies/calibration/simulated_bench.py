@@ -250,7 +250,7 @@ def loads_of(plan: Plan, design: Design, force: Array, load: Array) -> Array:
     load : (n, 3) the same, where the mechanics of the plan end before.
     """
     law, nominal = plan.sensor.mechanics, plan.sensor.design
-    wanted = force * nominal.E / design.E
+    wanted = force * nominal.E_now / design.E_now
     aside = np.hypot(wanted[:, 0], wanted[:, 1])
     u, w = shifts_of_forces(law, *workspace(nominal, law), aside, wanted[:, 2])
     way = wanted[:, :2] / np.where(aside > 0, aside, 1.0)[:, None]

@@ -269,7 +269,7 @@ def _relaxation(coder: Decoder, doubt: float) -> dict[str, Any]:
     rows = [(1 / tau, g / branches.rest) for g, tau in zip(branches.shares, branches.times, strict=True)] or [
         (1.0, 0.0)
     ]
-    slow = moduli(design)[1] / design.E
+    slow = moduli(design)[1] / design.E_now
     return {"branches": rows, "slow": (slow, softening(design), slow / branches.rest, doubt)}
 
 

@@ -34,9 +34,8 @@ IN_HEADS: dict[str, dict[str, float]] = {
     "C": {"C": 1.0, "degC": 1.0, "°C": 1.0, "K": 1.0},
     "MPa": {"MPa": 1.0, "kPa": 1e-3, "Pa": 1e-6},
 }
-"""Factors of the units that a head may name, by the unit of the values that are read; kelvin have `KELVIN`, too."""
-KELVIN = 273.15
-"""0 C, K."""
+"""Factors of the units that a head may name, by the unit of the values that are read; kelvin also have a shift,
+`geometry.design.KELVIN`."""
 _TEXT = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)(.*)")
 
 

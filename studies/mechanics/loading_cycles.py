@@ -316,7 +316,7 @@ def static_curve(design: Design, motion: Motion, accuracy: str, magnet: Magnet) 
     solved = trace(design, loads, LEVELS[accuracy], magnet=magnet, estimate=False)
     if len(solved) < CURVE or solved[-1].status not in ANSWERED:
         return Static(None, None, solved[-1].message.split(";")[0] or solved[-1].status)
-    relaxed = moduli(design)[1] / design.E
+    relaxed = moduli(design)[1] / design.E_now
     rows = [(*(relaxed * state.response.force[i] for i in (0, 2)), state.load.shear_x) for state in solved]
     load = np.array([(0.0, 0.0, 0.0), *rows])
     shift = np.array([np.zeros(3), *(state.response.shift for state in solved)])

@@ -333,7 +333,7 @@ def problem_of(design: Design, load: Load, motion: PlateMotion) -> dict[str, Any
         name: {f.name: v for f in dataclasses.fields(of) if (v := getattr(of, f.name)) != f.default}
         for name, of in (("design", design), ("load", load), ("motion", motion))
     }
-    return {"D_mm": design.D, "E_MPa": design.E, "solved": fields}
+    return {"D_mm": design.D, "E_MPa": design.E_now, "solved": fields}
 
 
 def unsolved(task: Task, reason: str) -> list[State]:
@@ -361,7 +361,7 @@ def _critical(task: Task) -> dict[str, Any]:
     from fem.analyses import stability
 
     design = task.scene.design
-    D, unit = design.D, design.E * design.D**2
+    D, unit = design.D, design.E_now * design.D**2
     state = stability.critical(design, task.scene.magnet, accuracy=task.scene.accuracy)
     return {
         "critical_depth_over_D": None if state.depth is None else state.depth / D,
@@ -379,7 +379,7 @@ def _modes(task: Task) -> dict[str, Any]:
 
     scene, design = task.scene, task.scene.design
     lowest = modes(design, scene.magnet, MODES, depth=scene.loads[0].depth, accuracy=scene.accuracy)
-    unit = frequency_unit(design.D, design.E, design.density)
+    unit = frequency_unit(design.D, design.E_now, design.density)
     values = {"frequency": [f / unit for f in lowest.frequency], "shape": list(lowest.shape)}
     return values | {"status": lowest.status, "message": lowest.message}
 

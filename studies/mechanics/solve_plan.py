@@ -96,7 +96,9 @@ def surrogate_answers(problems: Sequence[Problem]) -> list[Answer]:
         errors, values = dict(estimate.errors), {"largest_strain": estimate.strain}
         force = errors.pop("force")
         assert force is not None
-        answers[k] = Answer(design.D, design.E, estimate.response, "ok", estimate.message, force, 0.0, errors, values)
+        answers[k] = Answer(
+            design.D, design.E_now, estimate.response, "ok", estimate.message, force, 0.0, errors, values
+        )
     return answers
 
 
@@ -171,7 +173,7 @@ class Solves:
                 if choice.model_kind != "fem":
                     if choice.model_kind == "formula":
                         response = beam.solve(problem.design, problem.load, choice.level_or_accuracy)
-                        found = Answer(problem.design.D, problem.design.E, response, "ok", "", choice.bound, 0.0)
+                        found = Answer(problem.design.D, problem.design.E_now, response, "ok", "", choice.bound, 0.0)
                     else:
                         (found,) = surrogate_answers([problem])
                     return Target("", formula=found, choice=choice), None
@@ -216,7 +218,7 @@ class Solves:
                 f"states have been removed from the store {str(self.store.file)!r} while the sweep was running: give "
                 "the same command again"
             )
-        answer = stored[target.at].of(problem.design.D, problem.design.E, target.direction)
+        answer = stored[target.at].of(problem.design.D, problem.design.E_now, target.direction)
         if target.choice is None or answer.response is None or answer.status not in ANSWERED:
             return answer
         estimates = {"force": answer.error_estimate, **answer.estimates}

@@ -27,7 +27,7 @@ from fem.accuracy import LEVELS, Accuracy
 from fem.scene import Model
 from geometry.arrays import Array
 from geometry.bad_input import closest
-from geometry.design import OF_TIME, BadInput, Design
+from geometry.design import OF_MODULUS, OF_READINGS, OF_TIME, BadInput, Design, modulus_at
 from geometry.loads import Load, Magnet, check_load
 from studies.inputs import study_input, user_input
 from studies.inputs.study_input import DESIGN, LOAD, LOADS, Factor
@@ -35,11 +35,7 @@ from studies.inputs.user_input import Value
 from studies.mechanics.timed_quantities import STILL, TIMED, PlateMotion, check_motion, motion_of
 from studies.quantities import QUANTITIES
 
-READING_FIELDS = frozenset(
-    name
-    for name in DESIGN
-    if name.startswith(("hall_", "chip_")) or name in ("f", "l0", "c", "remanence", "magnet_north", *OF_TIME)
-)
+READING_FIELDS = frozenset({*OF_READINGS, *OF_TIME})
 """Fields of a design on which the static mechanics do not depend."""
 MOST_KEPT = 20_000
 """Number of resolved sensors, and of problems, that are kept for the next batch; it bounds the memory."""
@@ -134,7 +130,9 @@ class Plan:
         force = bool(self.load.get("imperfection")) or "imperfection" in self.axes
         own_E = kind == "problems" and (force or self.depends_on_time)
         idle = self.reading_fields if kind == "problems" else frozenset(LOAD)
-        return (idle if own_E else idle | {"E"}) | {f"{name}/D" for name in idle}
+        if not own_E:
+            idle = idle | {*(OF_MODULUS if kind == "problems" else ("E",))}
+        return idle | {f"{name}/D" for name in idle}
 
     def matters(self, kind: str) -> tuple[int, ...]:
         """Return the indices of the factors on which "sensors" or "problems" depend."""
@@ -147,8 +145,8 @@ class Problem:
     """What the mechanics depend on in a case, or the reason why it is impossible.
 
     `design`, `load`: None if the case is impossible; `message` then gives the reason. The design is that which all
-    models solve (`geometry.design.Design.for_mechanics`). Its E is that of the base design, unless the study has an
-    imperfection or a quantity that depends on time.
+    models solve (`geometry.design.Design.for_mechanics`). Its E and its temperature are those of the base design,
+    unless the study has an imperfection or a quantity that depends on time.
     """
 
     design: Design | None
@@ -163,7 +161,7 @@ class Batch:
     """Some cases of a study.
 
     axes : values of each axis, shape (n,).
-    E : Young's modulus of each case, shape (n,), MPa.
+    E : Young's modulus of each case at its temperature, shape (n,), MPa.
     sensors, sensor : the distinct sensors, None where impossible, and the index of each case's sensor, shape (n,).
     codes, problems, problem : the distinct problems with their codes, and the index of each case's problem, (n,).
     """
@@ -242,7 +240,8 @@ class Cases:
             self._problems.get(code, lambda k=k: self._problem(axes, k))  # type: ignore[misc]
             for code, k in zip(codes, problem_first, strict=True)
         ]
-        E = np.asarray(axes["E"], dtype=float) if "E" in axes else np.full(len(cases), plan.design.E)
+        E, temperature = (axes.get(name, getattr(plan.design, name)) for name in OF_MODULUS)
+        E = np.broadcast_to(np.asarray(modulus_at(E, temperature), dtype=float), len(cases))
         designs = [None if isinstance(one, str) else one for one in sensors]
         reasons = [one if isinstance(one, str) else "" for one in sensors]
         return Batch(axes, E, designs, sensor, reasons, codes, problems, problem)
@@ -301,7 +300,9 @@ class Cases:
             fields["l0"] = DESIGN["l0"].high
         try:
             own_E = values.get("imperfection") or plan.depends_on_time
-            design = varied(plan.design, fields if own_E else fields | {"E": plan.design.E}).for_mechanics(magnet)
+            if not own_E:
+                fields |= {name: getattr(plan.design, name) for name in OF_MODULUS}
+            design = varied(plan.design, fields).for_mechanics(magnet)
             magnet = magnet if design.shape.has_magnet else "ignored"
             load = load_of(values)
             check_load(design, load, magnet)

@@ -272,7 +272,7 @@ def solve_cycle(scene: Scene, motion: PlateMotion) -> dict[str, Any]:
     cycles = run(design, cycle, Static(), scene.accuracy.name, scene.magnet, TOLERANCE, lambda *_: None)
     if cycles.status not in ANSWERED or len(cycles.loops) < CYCLES:
         raise SolveFailed(f"{cycles.status}: {cycles.message}")
-    last, unit = cycles.loops[-1], design.E * design.D**2
+    last, unit = cycles.loops[-1], design.E_now * design.D**2
     return {
         "gap_percent": round(last["gap_percent"], 6),
         "area_over_ED3": round(last["area_mJ"] / (unit * design.D), 12),

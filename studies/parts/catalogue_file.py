@@ -60,6 +60,8 @@ class Grade(Entry):
     """A grade of magnets."""
 
     remanence: Annotated[Pair, numbers("T", 0.01, 2, RANGE)]
+    remanence_drift: Annotated[float, number("1/K", -0.005, 0.005)] = -0.0012
+    """Change of the remanence per K, up to the working limit."""
     largest_temperature: Annotated[float, number("C", 20, 600)] = 80.0
     """Working limit."""
 

@@ -49,6 +49,7 @@ class MagnetEntry:
     tolerance: float
     remanence_low: float
     remanence_high: float
+    remanence_drift: float
     largest_temperature: float
     density: float
     source: str
@@ -66,6 +67,7 @@ class MagnetEntry:
             "magnet_height": self.height,
             "magnet_edge_radius": self.edge_radius,
             "remanence": self.remanence,
+            "remanence_drift": 100 * self.remanence_drift,
             "magnet_density": self.density,
         }
 
@@ -106,8 +108,10 @@ class HallPartEntry:
         """Return the fields of a `Design` with this part, but for its noise: see `noise_fields`."""
         if self.layout == "three":
             names = ("gain", "null", "low", "high", "plate")
-            return {"hall_layout": "three", **{f"hall_{name}": getattr(self, name) for name in names}}
-        values: dict[str, float] = {"count": float(self.count)} if self.count > 1 else {}
+            # a gain whose drift is unknown is taken as constant
+            values = {name: getattr(self, name) for name in names} | {"gain_drift": 100 * (self.gain_drift or 0.0)}
+            return {"hall_layout": "three", **{f"hall_{name}": value for name, value in values.items()}}
+        values = {"count": float(self.count)} if self.count > 1 else {}
         if self.layout == OWN:
             values |= {"range": self.high, "step": self.step, "noise": self.noise or 0.0}
             values |= {"length": self.width, "width": self.height, "height": self.thickness}
@@ -469,7 +473,7 @@ UNITS = {
     "T": ("remanence_low", "remanence_high", "noise", "step"),
     "MPa": ("E_low", "E", "E_high"),
     "Hz": ("rate", "bandwidth", "loss_low", "loss_high"),
-    "per_K": ("gain_drift",),
+    "per_K": ("gain_drift", "remanence_drift"),
     "kg_per_m3": ("density",),
     "V_per_mT": ("gain",),
     "V_per_sqrtHz": ("noise_density",),
@@ -494,6 +498,7 @@ def _magnets(path: str, sizes: Mapping[str, Magnet], grades: Mapping[str, Grade]
                 tolerance=table.tolerance,
                 remanence_low=grade.remanence[0],
                 remanence_high=grade.remanence[1],
+                remanence_drift=grade.remanence_drift,
                 largest_temperature=grade.largest_temperature,
                 density=table.density,
                 source=f"{table.source}; {name}: {grade.source}",

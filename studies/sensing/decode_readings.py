@@ -415,7 +415,7 @@ def over_time(
 
 def most_growth(design: Design) -> float:
     """Return by how much an error of the force of slow loading, by the design's E, may grow in one that relaxes."""
-    return moduli(design)[1] / design.E / relaxation_of(design).rest
+    return moduli(design)[1] / design.E_now / relaxation_of(design).rest
 
 
 def law_errors(design: Design, times: Array, slow: Array, load: Array, force: Array) -> Array:

@@ -119,7 +119,7 @@ def _magnets(design: Design) -> Iterator[Design]:
 
     def at_rest(height: float, l0: float) -> float:
         point = np.array([[0.0, 0.0, l0]])
-        return float(cylinder_field(point, design.magnet_diameter / 2, height, design.remanence)[0, 2])
+        return float(cylinder_field(point, design.magnet_diameter / 2, height, design.remanence_now)[0, 2])
 
     goal = at_rest(design.magnet_height, design.l0)
     for factor in HEIGHTS:

@@ -217,7 +217,7 @@ def _secant(design: Design, depths: Sequence[float]) -> dict[str, float]:
     deepest = max((depth for depth in depths if 0 < depth <= design.R), default=NAN)
     if not deepest > 0:
         return {"secant_depth_mm": NAN, "secant_force_N": NAN, "tangent_force_N": NAN, "area_over_hertz": NAN}
-    tangent = design.E * math.pi / design.L * (design.D * deepest**2 / 2 - deepest**3 / 3)
+    tangent = design.E_now * math.pi / design.L * (design.D * deepest**2 / 2 - deepest**3 / 3)
     return {
         "secant_depth_mm": deepest,
         "secant_force_N": beam.solve(design, Load(depth=deepest)).force[2],

@@ -101,6 +101,6 @@ class SolvedBeams:
             (replace(design, magnet_density=round(float(ratio), RATIO_DIGITS) * design.density), Load(depth=0.0))
             for design, ratio in zip(self.designs, density_ratio, strict=True)
         ]
-        unit = np.array([frequency_unit(design.D, design.E, design.density) for design in self.designs])
+        unit = np.array([frequency_unit(design.D, design.E_now, design.density) for design in self.designs])
         lowest = self.fem.answers(heavy, ["modes"])["mode1_Hz"].to_numpy() / unit
         return Quantity(lowest, np.zeros(len(lowest)))

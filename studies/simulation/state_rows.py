@@ -11,6 +11,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from geometry import design_digest
+from geometry.design import REFERENCE_TEMPERATURE, modulus_at
 from geometry.design_digest import Fields
 from geometry.loads import Load, Response
 from studies.output.records import FlatRow
@@ -84,14 +85,14 @@ def state_row(load: Load, response: Response | None, model: str, made_for: Field
         "seconds": 0.0,
         **dict.fromkeys(FACTS),
         **stored_columns(None, 1.0, 1.0),
-        "digest": design_digest.digest(made_for),
-        "made_for": made_for,
+        **design_digest.label(made_for),
     }
     return row | known
 
 
 def solved_row(state: Solution, made_for: Fields) -> FlatRow:
     """Return the row of a state by finite elements."""
+    E = modulus_at(made_for["E_MPa"], made_for.get("temperature_degC", REFERENCE_TEMPERATURE))
     return state_row(
         state.load,
         state.response,
@@ -107,7 +108,7 @@ def solved_row(state: Solution, made_for: Fields) -> FlatRow:
         newton_iterations=state.newton_iterations,
         seconds=state.seconds,
         **_fact_columns(state.facts),
-        **stored_columns(state, float(made_for["E_MPa"]), float(made_for["D_mm"])),
+        **stored_columns(state, E, float(made_for["D_mm"])),
     )
 
 
@@ -149,8 +150,7 @@ def formula_row(
         "output_T": None if volts else output,
         "saturated": readings and list(readings.saturated),
         "warnings": warnings,
-        "digest": design_digest.digest(made_for),
-        "made_for": made_for,
+        **design_digest.label(made_for),
     }
 
 

@@ -11,6 +11,7 @@ from analytic.hall import plates_of
 from analytic.parts import AXES, Element, of_design
 from geometry.arrays import Array, Ints
 from geometry.base import Base, outer_size, plan
+from geometry.design import modulus_at
 from geometry.fabrication.hall_elements import SS495A
 from geometry.mold import Mold, sizes
 from studies.beam import prediction
@@ -152,7 +153,7 @@ def sensors_of_variant(variant: Variant, needed: Requirements) -> Sensors:
     wall = min(2 * mould.pin_radius, mould.wall, Base().seat_wall if outline.seats.posts else np.inf)
     names = ("L", "magnet_diameter", "magnet_height", "magnet_edge_radius")
     values = {name: getattr(d, name) for name in ("D", "L", "density", "magnet_density")}
-    values |= {"E_low": silicone.E_low, "E_high": silicone.E_high}
+    values |= {name: modulus_at(getattr(silicone, name), d.temperature) for name in ("E_low", "E_high")}
     values |= {"size": 2 * outline.half, "height": height, "wall": wall}
     return Sensors(
         **{name: np.array([value]) for name, value in values.items()},
@@ -160,7 +161,7 @@ def sensors_of_variant(variant: Variant, needed: Requirements) -> Sensors:
         noise=noise,
         beam=np.array([[*(getattr(d, name) / d.D for name in names), d.nu]]),
         magnet=np.array([[d.magnet_diameter, d.magnet_height]]),
-        remanence=np.array([[magnet.remanence_low, magnet.remanence_high]]),
+        remanence=np.array([[magnet.remanence_low, magnet.remanence_high]]) * (d.remanence_now / d.remanence),
         points=points[None] - [0.0, 0.0, d.H],
         normals=np.array([each.direction for each in elements])[owners][None],
         owners=owners,
@@ -181,6 +182,8 @@ def made_sensors_of(variant: Variant, made: MadeSensors, nominal: Sensors) -> Se
     elements = of_design(variant.design)
     names = ("E", "nu", "remanence", "magnet_diameter", "magnet_height")
     (E, nu, remanence, diameter, height), D = (np.asarray(made.fields[name]) for name in names), whole.D
+    d = variant.design
+    E, remanence = modulus_at(E, d.temperature), remanence * (d.remanence_now / d.remanence)
     beam = whole.beam.copy()
     beam[:, 1], beam[:, 2], beam[:, 4] = diameter / D, height / D, nu
     low, high, null = ([getattr(each, name) for each in elements] for name in ("low", "high", "null"))

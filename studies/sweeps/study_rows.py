@@ -69,7 +69,7 @@ def spread(batch: Batch, responses: Sequence[Response | None]) -> Columns:
     rows = [(NAN,) * 9 if r is None else (*r.force, *r.shift, r.tilt, r.tilt_y, r.contact_radius) for r in responses]
     # 1 for a possible sensor, else NaN, which every product keeps
     each = np.reshape(rows, (-1, 9))[batch.problem].T * _of_sensors(batch, lambda design: 1.0)
-    each[:3] *= batch.E / _of_problems(batch, lambda design: design.E)
+    each[:3] *= batch.E / _of_problems(batch, lambda design: design.E_now)
     names = ("force_x_N", "force_y_N", "force_N", "shift_x_mm", "shift_y_mm", "shift_z_mm")
     return dict(zip((*names, "tilt_rad", "tilt_y_rad", "contact_radius_mm"), each + 0.0, strict=True))
 
@@ -225,7 +225,7 @@ class Rows:
                 return replace(IMPOSSIBLE, message=f"no formula: {error}")
             unknown = f"the formulas use E and nu only, not the law {design.law}"
             message = "" if design.law == "neo-hookean" else unknown
-            return Answer(design.D, design.E, response, "ok", message, NAN, 0.0)
+            return Answer(design.D, design.E_now, response, "ok", message, NAN, 0.0)
 
         return self._formulas.get((level, code), make)
 
@@ -376,7 +376,7 @@ class Rows:
                     from analytic.decode import decode, field_of
 
                     force[rows] = decode(decoder, field_of(decoder.forward.elements, output[rows])).force
-            force = force * (batch.E / self.plan.design.E)[:, None]
+            force = force * (batch.E / _of_sensors(batch, lambda design: design.E_now))[:, None]
             difference = np.linalg.norm(force - true, axis=1)
             prefix = f"decoded_{level}_" if len(self.plan.formulas) > 1 else "decoded_"
             table[f"{prefix}force_N"] = force[:, 2]

@@ -597,6 +597,7 @@ def _fixed(plan: Plan) -> dict[int, int]:
     """
     matter = plan.matters("problems")
     idle = [k for k, factor in enumerate(plan.factors) if k not in matter and factor.count > 1]
+    idle = [k for k in idle if "temperature" not in plan.factors[k].names]
     if "modes" in plan.quantities or "critical_depth" in plan.quantities:
         idle = [k for k in idle if "E" not in plan.factors[k].names]
     if plan.count < LARGE or len(idle) == len(plan.factors):

@@ -35,7 +35,7 @@ from fem.solve.load_increments import Reached
 from fem.solve.load_stepping import Path
 from fem.solve.path_state import PathState
 from geometry.bad_input import SolveFailed
-from geometry.design import OF_TIME, BadInput, Design
+from geometry.design import OF_READINGS, OF_TIME, BadInput, Design
 from geometry.loads import ANSWERED
 from studies.mechanics.study_cases import Recent
 from studies.web import (
@@ -212,9 +212,8 @@ def sensor_of(request: Request) -> Fit | None:
 
 def mechanics(design: Design) -> tuple[Any, ...]:
     """Return the fields of a design on which its curve and its stability depend."""
-    names = [spec.name for spec in dataclasses.fields(design) if not spec.name.startswith(("hall_", "chip_"))]
-    idle = ("f", "c", "l0", "remanence", "magnet_north", *OF_TIME)
-    return tuple(getattr(design, name) for name in names if name not in idle)
+    names = [spec.name for spec in dataclasses.fields(design)]
+    return tuple(getattr(design, name) for name in names if name not in (*OF_READINGS, *OF_TIME))
 
 
 @dataclass(slots=True)

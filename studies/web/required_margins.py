@@ -122,7 +122,8 @@ def variant_of(design: Design, needed: Requirements, *, nominal: bool = False) -
 
     def like(entries: tuple[Any, ...]) -> Any:
         for entry in [] if nominal else entries:
-            fields = entry.fields().items()
+            # older design files state no drifts
+            fields = [(name, value) for name, value in entry.fields().items() if not name.endswith("_drift")]
             if all(
                 getattr(design, name) == value
                 if isinstance(value, str)

@@ -99,7 +99,7 @@ def response_of_made_sensor(response: Response, design: Design, made: Fit) -> tu
 
     pose = (np.array([each, np.zeros(len(each))]) for each in (response.shift, response.rotation, response.force))
     shift, tilt, load = pose
-    raw, half, force, force_half = made.answers(design.E, shift, tilt, load)
+    raw, half, force, force_half = made.answers(design.E_now, shift, tilt, load)
     output, saturated = calibration_file.outputs_of(made, raw)
     x, y, z = force[0].tolist()
     return replace(response, force=(x, y, z)), {
@@ -157,7 +157,7 @@ def response_data(response: Response) -> Data:
 
 def stored_rows(solution: Solution, design: Design) -> list[Data]:
     """Return the rows of what a state holds beside its response (`studies.quantities`), with half widths."""
-    row, rows = state_rows.stored_columns(solution, design.E, design.D), []
+    row, rows = state_rows.stored_columns(solution, design.E_now, design.D), []
     for part in quantities.stored_parts():
         value = row[part.column]
         half = row.get(f"{part.column}_half_width", _times(row.get(part.estimate_column), value))
@@ -298,7 +298,7 @@ def curve(design: Design, magnet: Magnet, level: str, made: Fit | None = None, *
     half = [_times(share.force, math.hypot(*response.force)) for response, share in rows]
     if made is not None:
         shift, load = (np.array([getattr(one, name) for one, _ in rows]) for name in ("shift", "force"))
-        _, _, felt, own = made.answers(design.E, shift, np.zeros((len(rows), 2)), load)
+        _, _, felt, own = made.answers(design.E_now, shift, np.zeros((len(rows), 2)), load)
         force = felt[:, 2].tolist()
         half = [w if w is None else math.hypot(w, more) for w, more in zip(half, own[:, 2].tolist(), strict=True)]
     formulas: Data = {}
@@ -331,7 +331,7 @@ def by_surrogate(design: Design, magnet: Magnet) -> Data | None:
     critical = beams.critical_depth()
     mode = beams.first_mode(np.array([design.magnet_density / design.density]))
     depth = float(critical.value[0]) * design.D
-    unit = frequency_unit(design.D, design.E, design.density)
+    unit = frequency_unit(design.D, design.E_now, design.density)
     found = math.isfinite(depth)
     known = bool(np.isfinite(mode.value[0]))
     numbers = {
