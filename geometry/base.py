@@ -32,6 +32,9 @@ SHAPES = ("square", "round")
 LEAST_GAP = 0.1
 """Least gap between an element and the beam at rest, mm."""
 
+THREADS = (1.0, 1.2, 1.6, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0)
+"""Coarse metric threads, mm (ISO 262)."""
+
 EDGE = 1.5
 """Least distance of the edge of the base from a screw hole and from the beam, mm."""
 
@@ -245,6 +248,15 @@ def _openings(seats: Seats, recess: float, recess_radius: float) -> tuple[Block,
         gate = Block((0.0, -aside, 0.0), (near + seat.sides[0] / 2, 2 * aside, recess))
         openings += [gate, hall_elements.swapped(gate)]
     return tuple(openings)
+
+
+def screw_thread(hole: float) -> float:
+    """Return the metric thread, mm, of a screw through a hole: the largest that leaves it a clearance.
+
+    >>> screw_thread(1.7), screw_thread(2.2), screw_thread(2.7), screw_thread(3.4)
+    (1.6, 2.0, 2.5, 3.0)
+    """
+    return max((thread for thread in THREADS if thread < hole), default=hole)
 
 
 def outer_size(design: Design, plan: Plan) -> tuple[Vector, float]:

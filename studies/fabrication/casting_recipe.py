@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from analytic import magnet as magnet_field
-from geometry.base import Plan
+from geometry.base import Plan, screw_thread
 from geometry.cad import beam_volume
 from geometry.design import Design
 from geometry.fabrication import board_drawing
@@ -17,6 +17,7 @@ from studies.output import page_templates
 from studies.output.records import FlatRow
 
 if TYPE_CHECKING:
+    from studies.fabrication.loaded_clearance import Gap
     from studies.fabrication.sensor_solids import FabricationChoices
 
 MARK = "# Magnetic force sensor, D = "
@@ -192,6 +193,7 @@ def text(
     plan: Plan | None,
     picture: str,
     command: str,
+    gap: Gap | None = None,
 ) -> str:
     """Return the README.md of one design; it names `command` as its origin."""
     mold = choices.mold
@@ -203,6 +205,8 @@ def text(
         row=fabricated,
         recipe=fabricated["recipe"],
         plan=plan,
+        thread=plan and screw_thread(plan.screw),
+        gap=gap,
         size=size_sentence(fabricated),
         picture=picture,
         command=command,

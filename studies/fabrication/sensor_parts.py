@@ -12,7 +12,7 @@ from geometry import base, mold
 from geometry.bad_input import MeshError
 from geometry.design import Design
 from geometry.messages import Progress
-from studies.fabrication import casting_recipe
+from studies.fabrication import casting_recipe, loaded_clearance
 from studies.fabrication.sensor_solids import (
     COLOURS,
     FabricatedSolids,
@@ -84,6 +84,11 @@ def build(
         known = design_summary.outer_size(design, solids.plan) | {"recipe": casting_recipe.recipe_of(design, choices)}
         row = fabricated("ok", "", folder, known)
         row["warnings"] += [*design.warnings(), *warnings(design, choices, solids)]
+        gap = None
+        if solids.plan:
+            progress(0.1, "the beam under load")
+            gap = loaded_clearance.least_gap(design, solids.plan, solids.bodies, choices.rated)
+            row["loaded_gap_mm"], row["warnings"] = gap and gap.value, row["warnings"] + loaded_clearance.warning(gap)
         try:
             progress(0.2, "triangles")
             shapes = triangulated_parts(design, choices, solids)
@@ -98,7 +103,7 @@ def build(
             progress(0.8, "picture")
         row["warnings"] += [*_draw(stage, design, solids, draw), *left_over(folder, stage)]
         drawn = PICTURE if (stage / PICTURE).exists() else ""
-        page = casting_recipe.text(design, choices, row, solids.plan, drawn, command)
+        page = casting_recipe.text(design, choices, row, solids.plan, drawn, command, gap)
         atomic_files.write_text(stage / RECIPE, page)
     return row
 

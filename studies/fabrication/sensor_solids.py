@@ -50,12 +50,14 @@ class FabricationChoices:
     mold, base : settings of the mould and of the base.
     tolerance : largest distance of the facets from the surface, mm; None: D/2000.
     silicone : what the recipe says of the mix and the cure; None: that the data sheet tells.
+    rated : required press force and force along the plate, N; None: none are stated.
     """
 
     mold: Mold = field(default_factory=Mold)
     base: Base = field(default_factory=Base)
     tolerance: float | None = None
     silicone: Mix | None = None
+    rated: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +83,10 @@ class FabricatedSolids:
 
 
 def parse_fabrication_choices(
-    options: Fabrication, silicone: Mix | None = None, given: Mapping[str, Any] = {}
+    options: Fabrication,
+    silicone: Mix | None = None,
+    given: Mapping[str, Any] = {},
+    rated: tuple[float, float] | None = None,
 ) -> FabricationChoices:
     """Return the fabrication choices that the options state, with the silicone that they name; those of the base may
     hold the name of a shape. What they leave open is that of a design file, see `user_input.fabrication_of`.
@@ -101,7 +106,7 @@ def parse_fabrication_choices(
     user_input.check_keys("fabrication: base", base, [spec.name for spec in dataclasses.fields(Base)])
     user_input.check_keys("fabrication: mold", mold, [spec.name for spec in dataclasses.fields(Mold)])
     process = options.process or given.get("process", "fdm")
-    return FabricationChoices(Mold(**{**mold, "process": process}), Base(**base), options.tolerance, silicone)
+    return FabricationChoices(Mold(**{**mold, "process": process}), Base(**base), options.tolerance, silicone, rated)
 
 
 def make_solids(design: Design, choices: FabricationChoices) -> FabricatedSolids:

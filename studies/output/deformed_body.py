@@ -8,12 +8,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from geometry.arrays import Array, Ints
 from geometry.design import Design
+
+if TYPE_CHECKING:
+    from fem.model import angular_fields
+    from fem.solution import Field
 
 FLAT = 1e-7
 """Share of the body's size up to which a point lies in the plane y = 0."""
@@ -191,6 +195,26 @@ def joined(one: Part, other: Part) -> Part:
     """Return two parts as one."""
     first, second = (np.concatenate(pair) for pair in zip(one[:2], other[:2], strict=True))
     return first, second, np.concatenate([one[2], other[2] + len(one[0])])
+
+
+def fourier_fields(field: Field, theta: Array) -> angular_fields.Angles:
+    """Return the fields of a section at angles (t,)."""
+    # deferred: pictures of a file need no finite elements
+    from fem.model import angular_fields
+
+    return angular_fields.fields_at(theta, field.angles.harmonics, sines=field.angles.sines)
+
+
+def of_field(field: Field, sectors: int = SECTORS) -> dict[str, Part]:
+    """Return the parts of the body whose section is solved, sheared along x; see `revolved`."""
+
+    def displacement(nodes: Ints, turn: Array) -> Array:
+        u = fourier_fields(field, turn).E @ field.u[nodes].T
+        c, s = np.cos(turn)[:, None], np.sin(turn)[:, None]
+        return np.stack([c * u[:, 0] - s * u[:, 1], s * u[:, 0] + c * u[:, 1], u[:, 2]], axis=2).reshape(-1, 3)
+
+    nodes = np.asarray(field.mesh.dofs.element_dofs).T
+    return revolved(field.mesh.doflocs, nodes, displacement, symmetric=not field.angles.sines, sectors=sectors)
 
 
 def outer_edges(triangles: Ints, rest: Array) -> Ints:

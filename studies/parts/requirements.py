@@ -109,6 +109,11 @@ class Requirements:
     weight_resolution: float = 1.0
     weight_size: float = 1.0
 
+    @property
+    def rated(self) -> tuple[float, float]:
+        """Largest press force, and force along the plate, N."""
+        return self.force_z, self.force_x or 0.0
+
     def __post_init__(self) -> None:
         for name, spec in LIMITS.items():
             value = getattr(self, name)

@@ -49,7 +49,7 @@ def export(variant: Variant, requirements: Requirements, folder: Path, progress:
 
     process = requirements.process
     mix = mix_of(variant.silicone)
-    choices = FabricationChoices(Mold(process=process), requirements.base, silicone=mix)
+    choices = FabricationChoices(Mold(process=process), requirements.base, silicone=mix, rated=requirements.rated)
     command = f"magtip cad {DESIGN} --out {PARTS}"
     if mix_named(None, variant.silicone.name) == mix:
         command += f" --silicone {shlex.quote(variant.silicone.name)}"

@@ -35,12 +35,19 @@ from scipy import special
 from skfem import ElementTriP2
 
 from analytic.parts import of_design
-from fem.model import angular_fields
 from fem.solution import Field, Solution
 from geometry.arrays import Array, Ints
 from geometry.design import Design
 from geometry.loads import Load, Magnet
-from studies.output.deformed_body import QUARTERS, SECTORS, Part, magnet_outline, outer_edges, revolved
+from studies.output.deformed_body import (
+    QUARTERS,
+    SECTORS,
+    Part,
+    fourier_fields,
+    magnet_outline,
+    of_field,
+    outer_edges,
+)
 from studies.output.vtk_files import at_all_nodes
 
 DIGITS = 4
@@ -158,11 +165,6 @@ def _sides(solution: Solution) -> tuple[Array, Array, Array, Array, Ints]:
     return *(np.concatenate(part) for part in (rest, moved, pressure, stretch)), triangles  # type: ignore[return-value]
 
 
-def fourier_fields(field: Field, theta: Array) -> angular_fields.Angles:
-    """Return the fields of a section at angles (t,)."""
-    return angular_fields.fields_at(theta, field.angles.harmonics, sines=field.angles.sines)
-
-
 def _largest_stretch(field: Field, nodes: Ints, u: Array, slope: Array) -> Array:
     """Return the largest principal stretch at the nodes, shape (n,), the mean of all triangles at a node.
 
@@ -195,13 +197,8 @@ COARSE_DIGITS = 3
 
 def surface(solution: Solution, sectors: int = SECTORS) -> dict[str, Any]:
     """Return the part `sensor3d`: parts of a body sheared along x, and the angle by which the page turns it, rad."""
-    field, (c, s) = solution.field, plane_of(solution)
-
-    def displacement(nodes: Ints, turn: Array) -> Array:
-        return _displacement(field, nodes, turn)
-
-    nodes = np.asarray(field.mesh.dofs.element_dofs).T
-    parts = revolved(field.mesh.doflocs, nodes, displacement, symmetric=not field.angles.sines, sectors=sectors)
+    c, s = plane_of(solution)
+    parts = of_field(solution.field, sectors)
     data = surface_data(parts)
     return data | {"scale": _rounded_up(data["largest"]), "turn": math.atan2(s, c)}
 
@@ -217,14 +214,6 @@ def surface_data(parts: dict[str, Part]) -> dict[str, Any]:
         for name, (rest, u, triangles) in parts.items()
     }
     return {"parts": data, "largest": max(float(part["value"].max()) for part in data.values())}
-
-
-def _displacement(field: Field, nodes: Ints, turn: Array) -> Array:
-    """Return the displacements of nodes (n,) at angles (t,), shape (t n, 3), mm, in Cartesian components."""
-    angles = fourier_fields(field, turn)
-    u = angles.E @ field.u[nodes].T
-    c, s = np.cos(turn)[:, None], np.sin(turn)[:, None]
-    return np.stack([c * u[:, 0] - s * u[:, 1], s * u[:, 0] + c * u[:, 1], u[:, 2]], axis=2).reshape(-1, 3)
 
 
 LINES = 16
