@@ -198,8 +198,9 @@ class Design:
     magnet_edge_radius: float = quantity(0.1, "mm", 0.0, 100, "radius of the magnet's two edges", assumed=True)
     remanence: float = quantity(1.2, "T", 1e-3, 2.0, "J = mu0 M of the magnet, at 20 C", assumed=True)
     remanence_drift: float = quantity(
-        -0.12, "percent/K", -0.5, 0.5, "change of the remanence by the temperature (NdFeB)", assumed=True, later=True
-    )
+        -0.12, "percent/K", -0.5, 0.5, "change of the remanence by the temperature (NdFeB)", assumed=True, later=True,
+        slider=(-0.2, 0.05),
+    )  # fmt: skip
     magnet_north: str = _choice(
         "down", POLES, "north pole of the magnet: down (to the base) or up", assumed=False, later=True
     )
@@ -209,8 +210,9 @@ class Design:
     c: float = quantity(2.0, "mm", -1000, 1000, "height of S2 and S3 above S1", assumed=True)
     hall_gain: float = quantity(31.25, "V/T", 1e-3, 1e6, "gain of a Hall element (SS495A)", assumed=True)
     hall_gain_drift: float = quantity(
-        0.02, "percent/K", -0.5, 0.5, "change of this gain by the temperature (SS495A)", assumed=True, later=True
-    )
+        0.02, "percent/K", -0.5, 0.5, "change of this gain by the temperature (SS495A)", assumed=True, later=True,
+        slider=(-0.2, 0.2),
+    )  # fmt: skip
     hall_null: float = quantity(2.5, "V", 0.0, 100, "output of a Hall element in zero field", assumed=True)
     hall_low: float = quantity(0.2, "V", 0.0, 100, "lower rail of a Hall element's output", assumed=True)
     hall_high: float = quantity(4.8, "V", 0.0, 100, "upper rail of a Hall element's output", assumed=True)
@@ -259,8 +261,9 @@ class Design:
         "long-term", ("long-term", "instantaneous"), "which modulus E is, at rest or after a step", assumed=True
     )
     temperature: float = quantity(
-        20.0, "degC", -40, 200, "temperature of silicone, magnet and Hall elements", assumed=True, later=True
-    )
+        20.0, "degC", -40, 200, "temperature of silicone, magnet and Hall elements", assumed=True, later=True,
+        slider=(-20, 80),
+    )  # fmt: skip
 
     def __post_init__(self) -> None:
         # a sweep makes a million designs: nearly all values are floats in their range, which need no conversion

@@ -27,6 +27,7 @@ from geometry.loads import Load, Magnet
 from studies.inputs import user_input
 from studies.inputs.option_groups import Motion
 from studies.inputs.study_input import LOADS
+from studies.quantities import UNITS
 from studies.simulation import load_cases
 
 if TYPE_CHECKING:
@@ -45,6 +46,8 @@ LOAD_FIELDS = ("depth", "shear", "direction", "friction", "plate_tilt", *RATES)
 """Fields of a load: depth and shear, mm, direction of the shear and tilt of the plate, degrees, and the rates."""
 OPENING_DEPTH = 1.0
 """Depth of the page's first state for a sensor of the paper's size, mm, and of a page whose address has no depth."""
+UNPLACED = "Further fields"
+"""Group of the controls of fields that `controls.csv` does not place."""
 CONTROLS = Path(__file__).with_name("controls.csv")
 """The controls of the page, in their order."""
 
@@ -234,8 +237,9 @@ def explorer_fields(design: Design, needed: Requirements | None = None) -> list[
     """Return the controls of load and design, in the order of the page; `value` is that of the design.
 
     Places, labels, sliders and steps are in `controls.csv`, with units, ranges and help of what is no field of a
-    design or load; those of their fields come from `Design` and `Load`. A slider covers the part of a range that
-    designers use, the number field beside it takes the whole range.
+    design or load; those of their fields come from `Design` and `Load`. A field of a design without a row stands in
+    the last group, under its name; the ends of its slider are in its metadata, or are those of its range. A slider
+    covers the part of a range that designers use, the number field beside it takes the whole range.
 
     >>> [(one["name"], one["unit"], one["value"]) for one in explorer_fields(Design())][:2]
     [('depth', 'mm', 1.0), ('shear', 'mm', 0.0)]
@@ -270,7 +274,24 @@ def explorer_fields(design: Design, needed: Requirements | None = None) -> list[
                 value = row["value"] if name == "friction" else float(row["value"] or 0)
                 field |= {"scope": "load", "value": value, "low": low, "high": high, "needs": {}} | _of_load(row)
             fields.append(field | by_design.get(name, {}))
-    return fields
+    placed = {field["name"] for field in fields}
+    return fields + [
+        _unplaced(spec) | _of_design(spec) | {"value": getattr(design, name)}
+        for name, spec in specs.items()
+        if name not in placed
+    ]
+
+
+def _unplaced(spec: dataclasses.Field[Any]) -> Field:
+    """Return the place of a field of a design without a row: the last group, and a slider in hundred steps."""
+    known = spec.metadata
+    words = spec.name.replace("_", " ")
+    kind = "choice" if "choices" in known else "number" if "low" in known else "text"
+    field: Field = {"group": UNPLACED, "name": spec.name, "label": words.capitalize(), "kind": kind}
+    if kind == "number":
+        low, high = known.get("slider", (known["low"], known["high"]))
+        field |= {"slider": [float(low), float(high)], "step": float(f"{(high - low) / 100:.1g}")}
+    return field | {"scope": "design"}
 
 
 def _of_load(row: Mapping[str, str]) -> Field:
@@ -284,7 +305,7 @@ def _of_load(row: Mapping[str, str]) -> Field:
 
 def _of_design(spec: dataclasses.Field[Any]) -> Field:
     known = spec.metadata
-    unit = known["unit"] if "low" in known and known["unit"] != "1" else ""
+    unit = UNITS[known["unit"]] if "low" in known else ""
     field: Field = {"help": known["text"], "unit": unit, "needs": _needs(spec.name)}
     if "choices" in known:
         field["choices"] = list(known["choices"])

@@ -1,0 +1,154 @@
+"""What a change costs: in a copy of the product a field of a design, a field of a load and a study of validation are
+added, each where it is declared and nowhere else; columns, JSON, headings, titles, controls and help follow."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+PACKAGES = ("geometry", "analytic", "fem", "studies", "magtip")
+FIELDS = {
+    "geometry/design.py": (
+        "\n    def __post_init__(self) -> None:\n        # a sweep",
+        '    pad: float = quantity(1.0, "mm", 0.0, 9.0, "thickness of a pad", assumed=True, later=True)\n',
+    ),
+    "geometry/loads.py": (
+        "\n    def __post_init__(self) -> None:\n        for spec",
+        '    lift: float = _of_load(0.0, "N", "dead force along z", low=0.0)\n',
+    ),
+}
+"""Files of the product, each with the text before which a field is declared, and its declaration."""
+STUDY = '''"""A study that counts."""
+
+from studies.output.goals import Goal
+from studies.validation import pages
+
+FILES = ("PADS.md", "pads.csv")
+
+
+def run(progress, *, quick: bool = False, pads: int = 3):
+    """Count pads.
+
+    Parameters
+    ----------
+    quick
+        Count fewer.
+    pads
+        Number of pads that are counted.
+    """
+    rows = [{"pad": k, "thickness_mm": 0.5 * k} for k in range(pads)]
+    return pages.study("pads", "Pads", rows, {"rows": rows}, goals=[Goal("pads", len(rows), pads, pads)])
+'''
+PAGE = '# Pads\n\n{{ verdict }}\n\n{{ rows | table(dict(pad="pad", thickness_mm="thickness (mm)")) }}\n'
+ASKED = """
+import contextlib, io, json
+import pandas as pd
+import magtip
+from geometry import design_digest
+from geometry.design import Design
+from studies.cli import commands
+from studies.web.explorer_state import explorer_fields
+
+def said(*words):
+    with contextlib.redirect_stdout(io.StringIO()) as out:
+        status = commands.run(list(words))
+    return status, out.getvalue()
+
+cases = pd.DataFrame({"pad_mm": [1.0, 2.0], "lift_N": 0.5, "depth_mm": 0.5})
+answers = magtip.answer(cases, ["finite"], quantities=["force"])
+refused = magtip.answer(cases.assign(pad_mm=[1.0, 10.0], lift_N=[-1.0, 0.5]), ["finite"], quantities=["force"])
+sweep = ("sweep", "paper", "--axis", "pad=1,2", "--axis", "lift=0,0.5", "--depth", "0.5", "--models", "finite",
+         "--quantities", "force")
+print("RESULT" + json.dumps({
+    "answers": list(answers), "refused": list(refused.message),
+    "chart": magtip.plot(answers, x="pad_mm", y="force_N").to_dict(),
+    "loads": magtip.plot(answers.assign(lift_N=[0.0, 0.5]), x="lift_N", y="force_N").to_dict(),
+    "json": said(*sweep, "--json"), "files": said(*sweep, "--out", "swept"), "help": said("sweep", "--help"),
+    "values": said("design", "paper", "--set", "pad=2"),
+    "controls": [field for field in explorer_fields(Design(pad=3.0)) if field["name"] == "pad"],
+    "label": design_digest.label({"pad_mm": 1.0, "D_mm": 8.0})["made_for"],
+    "list": said("validate", "verify", "--help"),
+    "study": said("validate", "verify", "pads", "--pads", "2", "--out", "pages"),
+}))
+"""
+
+
+@pytest.fixture(scope="module")
+def copy(tmp_path_factory):
+    """Return a folder with the changed product, whose other files are links, and what it says."""
+    folder = tmp_path_factory.mktemp("product")
+    for package in PACKAGES:
+        # with what is compiled
+        shutil.copytree(ROOT / package, folder / package, copy_function=os.symlink)
+    for name, (mark, line) in FIELDS.items():
+        text = (ROOT / name).read_text("utf-8")
+        assert text.count(mark) == 1
+        (folder / name).unlink()
+        (folder / name).write_text(text.replace(mark, line + mark), "utf-8")
+    (folder / "studies/validation/verify/pads.py").write_text(STUDY, "utf-8")
+    (folder / "studies/validation/templates/pads.md.j2").write_text(PAGE, "utf-8")
+    env = {**os.environ, "PYTHONPATH": str(folder), "COLUMNS": "200"}
+    done = subprocess.run([sys.executable, "-c", ASKED], cwd=folder, env=env, capture_output=True, text=True)
+    assert "RESULT" in done.stdout, done.stderr
+    return folder, json.loads(done.stdout.rpartition("RESULT")[2])
+
+
+def test_a_field_has_its_column_in_answers_with_its_unit_and_its_bounds(copy):
+    _, found = copy
+    assert {"pad_mm", "lift_N"} <= {*found["answers"]}
+    assert "lift_N must be at least 0 N; got -1" in found["refused"][0]
+    assert "pad_mm must lie between 0 and 9 mm; got 10" in found["refused"][1]
+
+
+def test_a_field_is_in_the_csv_file_the_json_and_the_headings_of_a_sweep(copy):
+    folder, found = copy
+    head = (folder / "swept" / "sweep.csv").read_text("utf-8").splitlines()[0].split(",")
+    assert {"pad_mm", "lift_N"} <= {*head}
+    assert {"pad_mm": 2.0, "lift_N": 0.5}.items() <= json.loads(found["json"][1].splitlines()[-1]).items()
+    assert {"pad", "lift", "(mm)", "(N)"} <= {*found["files"][1].split()}
+    assert found["json"][0] == found["files"][0] == 0
+    assert (folder / "swept" / "sweep.png").exists()
+
+
+def test_a_field_has_a_title_of_an_axis(copy):
+    _, found = copy
+    assert "pad (mm)" in json.dumps(found["chart"])
+    assert "lift (N)" in json.dumps(found["loads"])
+
+
+def test_a_field_is_in_the_list_of_a_design_with_its_words(copy):
+    _, found = copy
+    (row,) = (line.split() for line in found["values"][1].splitlines() if line.startswith("pad "))
+    assert row == ["pad", "2", "mm", "changed", *"thickness of a pad".split()]
+
+
+def test_a_field_of_a_load_is_named_by_the_help_of_axes(copy):
+    _, found = copy
+    assert "imperfection, lift" in " ".join(found["help"][1].replace("│", " ").split())
+
+
+def test_a_field_has_a_control_on_the_page(copy):
+    _, found = copy
+    (control,) = found["controls"]
+    assert control["help"] == "thickness of a pad"
+    assert (control["label"], control["kind"], control["unit"], control["value"]) == ("Pad", "number", "mm", 3.0)
+    assert (control["slider"], control["step"], control["low"], control["high"]) == ([0.0, 9.0], 0.09, 0.0, 9.0)
+
+
+def test_a_field_at_its_default_changes_no_label_of_older_files(copy):
+    _, found = copy
+    assert found["label"] == {"D_mm": 8.0}
+
+
+def test_a_study_of_validation_is_a_module_and_a_template(copy):
+    folder, found = copy
+    assert "pads" in found["list"][1]
+    assert "Number of pads that are counted" in found["list"][1]
+    assert found["study"][0] == 0
+    assert "thickness (mm)" in (folder / "pages" / "PADS.md").read_text("utf-8")
+    assert "pad,thickness_mm" in (folder / "pages" / "pads.csv").read_text("utf-8")
