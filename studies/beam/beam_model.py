@@ -102,7 +102,7 @@ def units(D: Array, E: Array) -> dict[str, Array]:
     """Return the factors from quantities of a beam to N, mm and rad, for D, mm, and E, MPa; z then points upwards."""
     force, one = E * D**2, np.ones_like(D)
     of_forces, of_shifts = {"force_x": force, "force_z": force}, {"shift_x": D, "shift_z": -D}
-    return of_forces | of_shifts | {"tilt": one, "contact_radius": D, "strain": one}
+    return of_forces | of_shifts | {"tilt": one, "contact_radius": D, "strain": one, "sideways_ratio": one}
 
 
 def mirrored(values: Mapping[str, Array], sign: Array | float = -1.0) -> dict[str, Array]:

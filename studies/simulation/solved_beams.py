@@ -11,20 +11,23 @@ import numpy as np
 from geometry.arrays import Array, Ints
 from geometry.design import Design
 from geometry.loads import Load
-from studies.beam.beam_model import BeamStates, Quantity, scales, units
+from studies.beam.beam_model import ODD, BeamStates, Quantity, scales, units
 from studies.cases import FiniteElements
 from studies.mechanics.path_solver import frequency_unit
 
 RATIO_DIGITS = 6
 """Digits of the ratio of densities: equal ratios share a stored solve."""
 MOTIONS = ("force", "shift", "tilt", "strain")
+"""Quantities that are asked for."""
 READ = {
     "force_x": ("fem_force_x_N", 1.0, "sideways_error_estimate"),
     "force_z": ("fem_force_N", 1.0, "error_estimate"),
     "shift_x": ("fem_shift_x_mm", 1.0, "shift_error_estimate"),
     "shift_z": ("fem_shift_z_mm", 1.0, "shift_error_estimate"),
     "tilt": ("fem_tilt_rad", 1.0, "tilt_error_estimate"),
+    "contact_radius": ("fem_contact_radius_mm", 1.0, ""),
     "strain": ("fem_largest_strain_percent", 100.0, ""),
+    "sideways_ratio": ("fem_sideways_stiffness_ratio", 1.0, ""),
 }
 """Columns of the answers, their unit in N, mm and rad, and columns of their relative errors, by quantity."""
 
@@ -32,16 +35,17 @@ READ = {
 class SolvedBeams:
     """Beams of n designs by finite elements; see `studies.beam.beam_model.RatedBeams`.
 
-    Half widths are what error estimates say; 0 of what is 0 or never estimated, NaN where an error is unknown.
+    Half widths are what error estimates say; 0 of what is 0 or never estimated, NaN where an error is unknown. The
+    estimates of force_z and of shifts are relative to the lengths of the vectors.
     """
 
-    def __init__(self, designs: Sequence[Design], fem: FiniteElements) -> None:
-        self.designs, self.fem = designs, fem
+    def __init__(self, designs: Sequence[Design], fem: FiniteElements, quantities: Sequence[str] = MOTIONS) -> None:
+        self.designs, self.fem, self.quantities = designs, fem, quantities
         self.D, self.E = scales(designs)
 
     def take(self, rows: Ints) -> SolvedBeams:
         """Return some of the beams."""
-        return SolvedBeams([self.designs[k] for k in rows], self.fem)
+        return SolvedBeams([self.designs[k] for k in rows], self.fem, self.quantities)
 
     def states(self, depth: Array, shear: Array) -> BeamStates:
         """Return the states at depths and shears over D (n, k).
@@ -50,25 +54,33 @@ class SolvedBeams:
         failed, has NaN as its response.
         """
         rows, columns = np.nonzero(~np.isnan(depth + shear))
-        found = {name: Quantity(*np.full((2, *depth.shape), np.nan)) for name in READ}
         refusals = np.full(depth.shape, "its press has failed", dtype=object)
         if not len(rows):
-            return BeamStates(found, lambda _: refusals)
+            return BeamStates(dict.fromkeys(READ, Quantity(*np.full((2, *depth.shape), np.nan))), lambda _: refusals)
         depths, shears = (self.D[rows] * each[rows, columns] for each in (depth, shear))
         cases = [
             (self.designs[k], Load(d, s, friction="stick" if s else "none"))
             for k, d, s in zip(rows.tolist(), depths.tolist(), shears.tolist(), strict=True)
         ]
-        answers = self.fem.answers(cases, MOTIONS, "harmonic" if shears.all() else "auto")
+        answers = self.fem.answers(cases, self.quantities, "harmonic" if shears.all() else "auto")
         reasons = answers["message"].where(answers["message"] != "", answers["status"])
         refusals[rows, columns] = reasons.where(answers["status"] != "ok", "")
-        of_unit = units(self.D[rows], self.E[rows])
-        for name, (column, factor, error) in READ.items():
-            # presses alone have nothing sideways
-            value = answers.get(column, 0.0 * answers["fem_force_N"]).to_numpy() / (factor * of_unit[name])
-            found[name].value[rows, columns] = value
+        of_unit, still = units(self.D[rows], self.E[rows]), 0.0 * answers["fem_force_N"]
+        # presses alone have nothing sideways
+        values = {
+            name: answers.get(column, still).to_numpy() / (factor * of_unit[name])
+            for name, (column, factor, _) in READ.items()
+            if column in answers or name in ODD
+        }
+        force, shift = (np.hypot(values[f"{name}_x"], values[f"{name}_z"]) for name in ("force", "shift"))
+        sizes = {name: np.abs(value) for name, value in values.items()}
+        sizes |= {"force_z": force, "shift_x": shift, "shift_z": shift}
+        found = {name: Quantity(*np.full((2, *depth.shape), np.nan)) for name in values}
+        for name, value in values.items():
+            error = READ[name][2]
             share = answers.get(error, np.nan) if error else 0.0
-            found[name].half_width[rows, columns] = np.where(value == 0, 0.0, np.abs(value) * share)
+            found[name].value[rows, columns] = value
+            found[name].half_width[rows, columns] = np.where(value == 0, 0.0, sizes[name] * share)
         return BeamStates(found, lambda _: refusals)
 
     @functools.cached_property

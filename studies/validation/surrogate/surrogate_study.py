@@ -328,11 +328,8 @@ def _factors(rows: pd.DataFrame, quantile: Callable[[Array], Array] = training.c
 def _rows(
     b: Beams, kind: str, name: str, states: States, column: str, quantity: Quantity, rod: Array
 ) -> pd.DataFrame:
-    """Return the errors of one quantity, arrays (n, k), without the states that do not exist.
-
-    `column` is its name in the states, which count the magnet's sinking as negative.
-    """
-    true = states[column] * (-1.0 if column == "shift_z" else 1.0)
+    """Return the errors of one quantity, `column` of the states (n, k), without the states that do not exist."""
+    true = states[column]
     own = states.get(f"{column}_error", np.full(true.shape, np.nan))
     at = np.nonzero(~np.isnan(true))
     beam, unit = at[0], 100 / np.abs(rod[at])

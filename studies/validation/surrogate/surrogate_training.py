@@ -57,11 +57,12 @@ from geometry.arrays import Array
 from geometry.design import Design
 from geometry.loads import Load
 from studies.beam import prediction, surrogate_range
+from studies.beam.beam_model import ODD
 from studies.beam.prediction import POSE, PRESS, SHEAR, SKIN, STRAIN, first_zero
 from studies.beam.surrogate_file import ROOT5, GaussianProcess, Group, Surrogate, with_constant
 from studies.beam.surrogate_range import DENSITY_RATIO, DIAMETER, EDGE, HEIGHT, LEAST_WALL, LENGTH, POISSON
 from studies.cases import FiniteElements
-from studies.mechanics.path_solver import frequency_unit
+from studies.simulation.solved_beams import SolvedBeams
 
 DIAMETER_MM = 10.0
 """D of the designs that are solved; the answers hold for every D."""
@@ -78,9 +79,9 @@ BEAM = np.dtype([(name, float) for name in ("L", "diameter", "height", "nu", "ed
 """Length and size of the magnet over D, Poisson's ratio, radius of the magnet's edges over the smaller side of its
 section; where the depth of its shear lies between the least and the largest one, 0 to 1 in the root of the depth."""
 States = Mapping[str, Array]
-"""States of beams by names: depth and shear over D, forces over E D^2, lengths over D, tilt in rad, frequencies over
-`frequency_unit`, arrays of shape (n, k), NaN where a solve failed; and, behind `_error`, the estimated errors of the
-finite elements themselves, NaN or missing where they are unknown."""
+"""States of beams by names: depth and shear over D, forces over E D^2, lengths over D (shift_z down), tilt in rad,
+frequencies over `frequency_unit`, arrays of shape (n, k), NaN where a solve failed; and, behind `_error`, the
+estimated errors of the finite elements themselves, NaN or missing where they are unknown."""
 
 
 def in_range(beams: Beams) -> NDArray[np.bool_]:
@@ -197,46 +198,17 @@ def compared(states: States, coarse: States) -> States:
     return {f"{name}_error": np.abs(q - coarse[name]) for name, q in states.items() if name in coarse} | dict(states)
 
 
-MOTIONS = {
-    "force_x": ("fem_force_x_N", 1 / DIAMETER_MM**2),
-    "force_z": ("fem_force_N", 1 / DIAMETER_MM**2),
-    "shift_x": ("fem_shift_x_mm", 1 / DIAMETER_MM),
-    "shift_z": ("fem_shift_z_mm", 1 / DIAMETER_MM),
-    "tilt": ("fem_tilt_rad", 1.0),
-    "contact_radius": ("fem_contact_radius_mm", 1 / DIAMETER_MM),
-    "strain": ("fem_largest_strain_percent", 1 / 100),
-    "sideways_ratio": ("fem_sideways_stiffness_ratio", 1.0),
-}
-"""Columns of the quantities of a state, and factors to lengths over D and forces over E D^2; E = 1 MPa."""
-
-
-ERRORS = {
-    "force_x": "sideways_error_estimate",
-    "force_z": "error_estimate",
-    "shift_x": "shift_error_estimate",
-    "shift_z": "shift_error_estimate",
-    "tilt": "tilt_error_estimate",
-}
-"""Quantities whose errors are estimated, relative to the whole force or shift but for `force_x`."""
+ASKED = ("force", "shift", "tilt", "contact_radius", "strain", "sideways_stiffness")
+"""Quantities of finite elements."""
 
 
 def motions(fem: FiniteElements, beams: Beams, depth: Array, shear: Array | float = 0.0) -> States:
     depth, shear = np.broadcast_arrays(depth, shear)
-    glued = bool(shear.any())
-    designs = [one for beam in beams for one in itertools.repeat(design(beam), depth.shape[1])]
-    places = zip((DIAMETER_MM * depth).flat, (DIAMETER_MM * shear).flat, strict=True)
-    loads = [Load(float(d), float(x), friction="stick" if glued else "none") for d, x in places]
-    names = ("force", "shift", "tilt", "contact_radius", "strain", "sideways_stiffness")
-    answers = fem.answers(list(zip(designs, loads, strict=True)), names, "harmonic" if glued else "auto")
+    found = SolvedBeams([design(beam) for beam in beams], fem, ASKED).states(depth, shear).quantities
     # presses have nothing sideways
-    found = {name: factor * answers[column] for name, (column, factor) in MOTIONS.items() if column in answers}
-    force, shift = (np.hypot(found.get(f"{name}_x", 0.0), found[f"{name}_z"]) for name in ("force", "shift"))
-    sizes = {name: found[name].abs() for name in found} | {"force_z": force, "shift_x": shift, "shift_z": shift}
-    for name, column in ERRORS.items():
-        if name in found and column in answers:
-            found[f"{name}_error"] = sizes[name] * answers[column]
-    table = {name: values.to_numpy().reshape(depth.shape) for name, values in found.items()}
-    return {"depth": depth, "shear": shear, **table}
+    told = [name for name in found if shear.any() or name not in ODD]
+    errors = {f"{name}_error": found[name].half_width for name in told if name in POSE}
+    return {"depth": depth, "shear": shear, **{name: found[name].value for name in told}, **errors}
 
 
 def critical_depths(fem: FiniteElements, beams: Beams) -> States:
@@ -251,12 +223,8 @@ def critical_depths(fem: FiniteElements, beams: Beams) -> States:
 
 
 def first_modes(fem: FiniteElements, beams: Beams) -> States:
-    designs = [design(beam) for beam in beams]
-    heavy = zip(designs, density_ratio(beams).tolist(), strict=True)
-    designs = [replace(one, magnet_density=ratio * one.density) for one, ratio in heavy]
-    answers = fem.answers([(one, Load(depth=0.0)) for one in designs], ["modes"])
-    units = [frequency_unit(one.D, one.E, one.density) for one in designs]
-    return _single("frequency", answers.mode1_Hz.to_numpy() / units)
+    solved = SolvedBeams([design(beam) for beam in beams], fem)
+    return _single("frequency", solved.first_mode(density_ratio(beams)).value)
 
 
 def shear_depth(beams: Beams, press: States) -> Array:
@@ -302,7 +270,7 @@ def press_outputs(press: States) -> dict[str, Array]:
     q, depth = press, press["depth"]
     return {
         "force": np.log(q["force_z"] / depth**1.5),
-        "shift": np.log(-q["shift_z"] / depth),
+        "shift": np.log(q["shift_z"] / depth),
         "contact_radius": np.log(q["contact_radius"] / np.sqrt(depth / 2)),
         "strain": np.log(q["strain"]),
         "sideways_ratio": np.log(np.maximum(1 - q["sideways_ratio"], LEAST_LOSS)),
@@ -320,7 +288,7 @@ def shear_outputs(shear: States, L: Array, pressed: Mapping[str, Array]) -> dict
         # the plate is pushed back less in a shear; a rise would be an error of the mesh
         "force_z": np.log(np.maximum(pressed["force"] - q["force_z"], LEAST_DROP * s**2) / s**2),
         "shift_x": q["shift_x"] / s,
-        "shift_z": (-q["shift_z"] - pressed["shift"]) / s**2,
+        "shift_z": (q["shift_z"] - pressed["shift"]) / s**2,
         "tilt": q["tilt"] / s,
         "contact_radius": np.log(q["contact_radius"] / np.sqrt(q["depth"] / 2)),
         "strain": np.log(q["strain"]),
@@ -415,7 +383,7 @@ def _shear_groups(
     spreads = {quantity: g for _, own, g in parts.values() for quantity in own}
     values = prediction.shear_values(forms, L, depth, s, press_at(states.beams, left_out, depth))
     rods = prediction.yardsticks(values)
-    truth = {name: -shear[name] if name == "shift_z" else shear[name] for name in SHEAR}
+    truth = {name: shear[name] for name in SHEAR}
     where = prediction.shear_region(region, depth[:, 0])
     quantiles = {
         name: quantiles_by_region(
