@@ -34,24 +34,13 @@ from geometry.arrays import Array, Ints, read_only
 class FieldPairs:
     """Pairs of fields f <= g, and the products V_iJf V_kLg of their gradients.
 
-    number : (f, f) number of each pair of fields; 0 for those with a prescribed field.
-    groups : pairs in four groups, of fields that carry the components i and k of the displacement: i, k, numbers of
-        the pairs, and products (9, i k t, pairs), with J L first.
+    fields : (2, pairs) fields of each pair.
+    groups : pairs in three groups, of fields that carry some components i and k of the displacement: the first of
+        them, and products (9, pairs, i, k, t), with J L first.
     """
 
-    number: Ints
-    groups: list[tuple[slice, slice, slice, Array]]
-
-    @property
-    def count(self) -> int:
-        return int(self.number.max()) + 1
-
-    def places(self, a: int) -> Ints:
-        """Return the positions (a, f, a, f) in an element matrix (a, a, pairs), for elements with a nodes."""
-        node, field = np.arange(a * a).reshape(a, a), np.arange(len(self.number))
-        ahead = (field[:, None] <= field)[:, None]
-        blocks = np.where(ahead, node[:, None, :, None], node.T[:, None, :, None])
-        return np.asarray(self.count * blocks + self.number[:, None])
+    fields: Ints
+    groups: tuple[tuple[int, int, Array], ...]
 
 
 @dataclass(frozen=True)
@@ -94,21 +83,19 @@ class Angles:
     @functools.cached_property
     def pairs(self) -> FieldPairs:
         """All pairs of fields f <= g that are not prescribed."""
-        across, number = self.fields - self.pressures, np.zeros((self.fields, self.fields), dtype=np.int64)
+        across = self.fields - self.pressures
         # fields of the displacement across the axis and along it, and the components that they carry
         families = (slice(0, across), slice(0, 2)), (slice(across, self.fields), slice(2, 3))
-        groups, count = [], 0
+        groups, fields = [], np.empty((2, 0), dtype=np.int64)
         for (f, i), (g, k) in itertools.combinations_with_replacement(families, 2):
-            pairs = np.indices(number.shape)[:, f, g].reshape(2, -1)
+            pairs = np.indices((self.fields, self.fields))[:, f, g].reshape(2, -1)
             unknown = ~np.isin(pairs, self.prescribed).any(axis=0)
             first, second = pairs[:, unknown & (pairs[0] <= pairs[1])]
-            at = slice(count, count + len(first))
             V_f, V_g = self.V[:, i][..., first], self.V[:, k][..., second]
-            products = np.ascontiguousarray(np.einsum("tiJs,tkLs->JLikts", V_f, V_g)).reshape(9, -1, len(first))
-            groups.append((i, k, at, products))
-            number[first, second] = number[second, first] = np.arange(at.start, at.stop)
-            count = at.stop
-        return read_only(FieldPairs(number, groups))
+            products = np.ascontiguousarray(np.einsum("tiJs,tkLs->JLsikt", V_f, V_g))
+            groups.append((i.start, k.start, products.reshape(9, *products.shape[2:])))
+            fields = np.append(fields, [first, second], axis=1)
+        return read_only(FieldPairs(fields, tuple(groups)))
 
 
 def orders(harmonics: int) -> range:

@@ -12,25 +12,25 @@ A of the law, F = 1 + G and J = det F, the forces r_af, volumes v_cn, stiffness 
     K_af,bg = sum_JL D_Ja H_JL,fg D_Lb,     H_JL,fg = sum_t V_iJf A_iJkL V_kLg,
     B_af,cn = sum_J D_Ja Y_J,fn M_c,        Y_J,fn = sum_t w V_iJf cof(F)_iJ C_n.
 
-Sums over the angles are products of matrices. Loops that numba compiles read and write the nodes, integrate over the
-section, and add to the sparse matrix.
+Loops that numba compiles lead from the nodes to the strains and pressures that the law needs, and from its stresses
+and tangents to the nodes and the sparse matrix. The innermost ones run along elements or points, as those of the law
+do: the processor then works on four to eight of them at once.
 
-A batch is the m elements of a slice, with q points on the mesh and t angles each; n = m q. Arrays over its points
-have the shape (..., t, n).
+A batch is the m elements of a slice, with q points on the mesh and t angles each; n = q m. Arrays over its points
+have the shape (..., t n): angle by angle, and for each of them point by point.
 """
 
 from __future__ import annotations
 
 import itertools
-import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.sparse as sp
 
 from fem.model.elements import Elements
 from fem.model.material import Law, kinematics
-from fem.model.sparse_pattern import Pattern
+from fem.model.sparse_pattern import Pattern, Places
 from fem.model.viscoelasticity import Overstress
 from geometry.arrays import Array, Ints
 from geometry.compiled import compiled
@@ -60,36 +60,29 @@ def pressure_stiffness(e: Elements, inverse_K: Array) -> Array:
 class _Batch:
     """Some elements, and the strains at their points in the last state.
 
-    part : which elements.
-    near, beside : those of them that touch the magnet, in all elements and in those at the magnet; empty without.
-    mu : (t n,) shear moduli.
-    w, modulus, soft : (t, n) weights, weighted shear moduli, and weights over bulk moduli.
-    G, Jm1, Hm1 : (9, t, n) displacement gradients, (t, n) J - 1, and (9, t, n) F^-T - 1.
+    part, near : which elements; and how many of them touch the magnet, the last ones.
+    nodes : (a, m) and (c, m) nodes and rows of the pressures.
+    shapes : (a, 3, q, m) D and (q, c) M.
+    places : positions of volumes (n, c, m) in those of the corners, and of coupling (a, c, f n, m) and stiffness (a,
+        a, pairs, m) in the tangent; -1 of what is not added.
+    mu, w, modulus, soft : (t n,) shear moduli, weights, weighted shear moduli, and weights over bulk moduli.
+    strain : displacement gradients (9, t n), J - 1 (t n,), and F^-T - 1 (9, t n).
     """
 
     part: slice
-    near: slice
-    beside: slice
+    near: int
+    nodes: tuple[Ints, Ints]
+    shapes: tuple[Array, Array]
+    places: tuple[Places, Places, Places]
     mu: Array
     w: Array
     modulus: Array
     soft: Array
-    G: Array
-    Jm1: Array
-    Hm1: Array
+    strain: tuple[Array, Array, Array]
 
     def agrees(self, pressure: Array) -> bool:
-        """Return whether strains and pressures (t, n) are those of the first angle at all angles."""
-        return bool((self.G[:, :1] == self.G).all() and (pressure == pressure[:1]).all())
-
-    def along(self, values: Array) -> Array:
-        """Return values (9, t n) in the order (3, 3 t, n): direction J, components i with angles, points."""
-        t, n = self.w.shape
-        return np.swapaxes(values.reshape(3, 3, t, n), 0, 1).reshape(3, 3 * t, n)
-
-
-Rows = tuple[Ints, Ints]
-"""Nodes (m, a) of elements, and numbers (nodes, f) of the unknowns of all nodes, -1 where eliminated."""
+        """Return whether strains and pressures (t n,) of two angles are equal."""
+        return all(bool((a == b).all()) for a, b in (np.split(x, 2, axis=-1) for x in (self.strain[0], pressure)))
 
 
 class ElementAssembly:
@@ -115,47 +108,62 @@ class ElementAssembly:
         inner: int,
     ) -> None:
         e, a = elements, elements.angles
-        self._elements, self._law, self._inner = e, law, inner
-        self._corners, self._numbers, self._pattern = corners, numbers, pattern
-        t = len(a.V)
-        self._slopes = e.D.reshape(len(e.cells), -1, e.D.shape[3])
-        self._at_nodes, self._at_corners = _incidence(e.cells, len(e.nodes)), _incidence(corners, len(numbers[1]))
-        # (3, f, 3 t) gradients of the fields along each direction J, and (3, 3 t, f n) times the pressures' functions
-        self._V = np.ascontiguousarray(a.V.transpose(2, 3, 1, 0)).reshape(3, a.fields, 3 * t)
-        VC = np.einsum("tiJf,tn->Jitfn", a.V, a.C)
-        self._VC = np.ascontiguousarray(VC).reshape(3, 3 * t, a.fields * a.pressures)
-        self._pairs, self._where = a.pairs, a.pairs.places(e.cells.shape[1])
-        self._batches = [self._cut(slice(*cut), mu, inverse_K) for cut in cut_batches(e)]
-        self._strained: Array | None = None
+        self._elements, self._law, self._inner, self._entries = e, law, inner, pattern.entries
+        # (3, f, 3, t) gradients of the fields, direction J first, and (3, f n, 3, t) times the pressures' functions
+        V, VC = a.V.transpose(2, 3, 1, 0), np.einsum("tiJf,tn->Jfnit", a.V, a.C)
+        self._V, self._VC = np.ascontiguousarray(V), np.ascontiguousarray(VC).reshape(3, -1, 3, len(a.V))
+        self._C, self._pairs = a.C, a.pairs
+        of_cells = numbers[0][e.cells], numbers[1][corners]
+        self._batches = [
+            self._cut(slice(*ends), corners, mu, inverse_K, self._tangent_places(slice(*ends), *of_cells, pattern))
+            for ends in cut_batches(e)
+        ]
+        self._magnet_places = _places_at_magnet(of_cells[0][inner:], of_cells[1][inner:], numbers[2], pattern)
+        self._strained: tuple[Array, float] | None = None
         self._at_rest: tuple[float, Array, Array, Array] | None = None
         self._constant = np.zeros(pattern.entries)
-        pressures = corners, numbers[1]
-        self.add_matrices(pressure_stiffness(e, inverse_K), COMPLIANCE, pressures, self._constant)
+        compliance = pattern.block_places(COMPLIANCE, of_cells[1])
+        add_at(pressure_stiffness(e, inverse_K).ravel(), compliance.ravel(), self._constant)
 
-    def _cut(self, part: slice, mu: Array, inverse_K: Array) -> _Batch:
-        e, first = self._elements, max(part.start, self._inner)
-        w = e.angles.weights[:, None] * e.weights[part].ravel()
-        shear, soft = (np.tile(np.repeat(values[part], e.weights.shape[1]), len(w)) for values in (mu, inverse_K))
-        near, beside = (
-            slice(first, max(part.stop, first)),
-            slice(first - self._inner, max(part.stop - self._inner, 0)),
+    def _tangent_places(self, part: slice, u: Ints, p: Ints, pattern: Pattern) -> list[Places]:
+        """Return places in the tangent, see `_Batch`, for the unknowns (m, a, f) and (m, c, n) of all elements."""
+        u, p, (first, second), nodes = u[part], p[part], self._pairs.fields, np.arange(u.shape[1])
+        coupling = pattern.places(PRESSURES, u[:, :, None, :, None], p[:, None, :, None, :], part)
+        coupling = coupling.reshape(*coupling.shape[:3], -1)
+        stiffness = pattern.places(ELEMENTS, u[:, :, None, first], u[:, None, :, second], part)
+        # of one field, the entry of two nodes is that of the nodes in the other order too
+        stiffness[:, (nodes[:, None, None] > nodes[:, None]) & (first == second)] = -1
+        return [np.ascontiguousarray(np.moveaxis(places, 0, -1)) for places in (coupling, stiffness)]
+
+    def _cut(self, part: slice, corners: Ints, mu: Array, inverse_K: Array, in_tangent: list[Places]) -> _Batch:
+        e, repeated = self._elements, self._elements.weights.shape[1] * len(self._C)
+        w = np.outer(e.angles.weights, e.weights[part].T).ravel()
+        shear, soft = (np.tile(values[part, 0], repeated) for values in (mu, inverse_K))
+        count, columns = self._C.shape[1], np.ascontiguousarray(corners[part].T)
+        volumes = (count * columns + np.arange(count)[:, None, None]).astype(np.int32)
+        return _Batch(
+            part,
+            max(part.stop - max(part.start, self._inner), 0),
+            (np.ascontiguousarray(e.cells[part].T), columns),
+            (np.ascontiguousarray(e.D[part].transpose(3, 2, 1, 0)), e.pressure_shape),
+            (volumes, *in_tangent),
+            shear,
+            w,
+            w * shear,
+            w * soft,
+            (np.empty((9, len(w))), np.empty(len(w)), np.empty((9, len(w)))),
         )
-        strains = np.empty((9, *w.shape)), np.empty(w.shape), np.empty((9, *w.shape))
-        return _Batch(part, near, beside, shear, w, w * shear.reshape(w.shape), w * soft.reshape(w.shape), *strains)
 
     def least_volume_change(self, u: Array) -> float:
         """Return the least J - 1 at the integration points of displacements u, read-only; nan where any is nan."""
-        if self._strained is not u:
+        if self._strained is None or self._strained[0] is not u:
             self._strained = None  # until all batches have the strains of u
-            e = self._elements
-            g = (self._slopes @ u.take(e.cells, axis=0)).reshape(len(e.cells), -1, 3, u.shape[1])
-            for batch in self._batches:
-                (t, n), slopes = batch.w.shape, g[batch.part]
-                G = np.swapaxes(self._V, 1, 2) @ slopes.transpose(2, 3, 0, 1).reshape(3, -1, n)
-                batch.G.reshape(3, 3, t, n)[:] = np.swapaxes(G.reshape(3, 3, t, n), 0, 1)
-                kinematics(batch.G.reshape(9, -1), batch.Jm1.ravel(), batch.Hm1.reshape(9, -1))
-            self._strained = u
-        return float(np.min([batch.Jm1.min() for batch in self._batches]))
+            for b in self._batches:
+                D, G = b.shapes[0], b.strain[0]
+                write_gradients(u, b.nodes[0], D, self._V, G.reshape(3, 3, len(self._C), *D.shape[2:]))
+                kinematics(*b.strain)
+            self._strained = u, float(np.min([b.strain[1].min() for b in self._batches]))
+        return self._strained[1]
 
     def assemble(
         self, u: Array, p: Array, T: Array, viscous: Overstress | None = None, *, tangent: bool
@@ -179,144 +187,121 @@ class ElementAssembly:
         self, u: Array, p: Array, T: Array, viscous: Overstress | None, *, tangent: bool
     ) -> tuple[float, Array, Array, Array]:
         self.least_volume_change(u)
-        e, C, M, energy = self._elements, self._elements.angles.C, self._elements.pressure_shape, 0.0
-        (m, q), f, n = e.weights.shape, u.shape[1], p.shape[1]
-        S, change, nodal = np.empty((m, q, 3, f)), np.empty((m, q, n)), M @ p.take(self._corners, axis=0)
-        data = self._constant.copy() if tangent else np.empty(0)
+        energy, forces, volumes, C = 0.0, np.zeros(u.shape), np.zeros(p.shape), self._C
+        data, coupling, stiffness = self._constant.copy() if tangent else np.empty(0), [], []
         for batch in self._batches:
-            part = batch.part
-            pressure = C @ nodal[part].reshape(-1, n).T
+            (nodes, corners), (D, M) = batch.nodes, batch.shapes
+            nodal = p.take(corners, axis=0).reshape(len(corners), -1)
+            pressure = (C @ (M @ nodal).reshape(-1, p.shape[1]).T).ravel()
             # about an axisymmetric state both angles of a model of one order have one law
-            once = e.angles.of_one_order and viscous is None and batch.agrees(pressure)
-            W, P, A = self._stresses(batch, pressure, viscous, tangent=tangent, angles=1 if once else None)
-            if once:
-                W, P = np.tile(W, 2), np.tile(P, 2)
-            energy += float(W.sum()) - float(np.vdot(batch.soft * pressure, pressure)) / 2
-            S[part] = (self._V @ batch.along(P)).reshape(3, f, -1, q).transpose(2, 3, 0, 1)
-            change[part] = ((batch.w * batch.Jm1 - batch.soft * pressure).T @ C).reshape(-1, q, n)
+            once = self._elements.angles.of_one_order and viscous is None and batch.agrees(pressure)
+            W, P, A = self._stresses(batch, pressure, viscous, tangent=tangent, share=2 if once else 1)
+            energy += float(W.sum()) * (len(pressure) // len(W)) - float(np.vdot(batch.soft * pressure, pressure)) / 2
+            change = batch.w * batch.strain[1] - batch.soft * pressure
+            of_corners = M.T @ (C.T @ change.reshape(len(C), -1)).reshape(-1, len(M), corners.shape[1])
+            add_at(of_corners.ravel(), batch.places[0].ravel(), volumes.ravel())
+            add_forces(nodes, D, P, self._V, forces)
             if tangent:
-                self._add_stiffness(batch, A, T, data)
-                self._add_coupling(batch, T, data)
-        forces = np.swapaxes(self._slopes, 1, 2) @ S.reshape(m, -1, f)
-        volumes = M.T @ change
-        return energy, self._at_nodes @ forces.reshape(-1, f), self._at_corners @ volumes.reshape(-1, n), data
+                wJ = batch.w * (1 + batch.strain[1])
+                cofactor = batch.strain[2] * wJ
+                cofactor[::4] += wJ
+                coupling.append(add_coupling(D, M, cofactor, self._VC, batch.places[1], data, batch.near))
+                stiffness.append(self._add_stiffness(batch, A, data))
+        if tangent:
+            self._add_magnet(stiffness, coupling, T, data)
+        return energy, forces, volumes, data
 
     def _stresses(
-        self, batch: _Batch, pressure: Array, viscous: Overstress | None, *, tangent: bool, angles: int | None = None
+        self, batch: _Batch, pressure: Array, viscous: Overstress | None, *, tangent: bool, share: int = 1
     ) -> tuple[Array, Array, Array]:
         """Return energies (t n,), stresses (9, t n) and tangents (9, 9, t n), times the weights, of a batch.
 
-        angles : number of angles t, from the first one on; default: all.
+        share : 2 for those of the first of two angles.
         """
-        at = slice(angles)
-        G, Hm1 = (np.ascontiguousarray(gradient[:, at]).reshape(9, -1) for gradient in (batch.G, batch.Hm1))
-        Jm1, w, weighted = batch.Jm1[at].ravel(), batch.w[at].ravel(), (batch.w * pressure)[at].ravel()
-        modulus, points = (batch.modulus if viscous is None else batch.modulus * viscous.factor)[at].ravel(), len(w)
+        points = len(pressure) // share
+        G, Jm1, Hm1 = (np.ascontiguousarray(x[..., :points]) for x in batch.strain)
+        w, modulus = batch.w[:points], batch.modulus[:points]
+        if viscous is not None:
+            modulus = modulus * viscous.factor
         W, P, A = np.empty(points), np.empty((9, points)), np.empty((9, 9, points * tangent))
-        self._law((G, Jm1, Hm1), modulus, weighted, (W, P, A))
+        self._law((G, Jm1, Hm1), modulus, w * pressure[:points], (W, P, A))
         if viscous is not None:
             viscous.part(batch.part).add(G, Jm1, batch.mu, w, W, P, A)
         return W, P, A
 
-    def _add_stiffness(self, batch: _Batch, A: Array, T: Array, data: Array) -> None:
-        """Add the stiffness of a batch, for weighted tangents A (9, 9, t n), or (9, 9, n) where all angles agree."""
-        D, n, pairs = self._elements.D[batch.part], batch.w.shape[1], self._pairs
-        H = np.empty((9, n, pairs.count))
-        A, t = A.reshape(3, 3, 3, 3, -1, n), batch.w.shape[0]
-        for i, k, at, products in pairs.groups:
-            if A.shape[4] < t:
-                products = products.reshape(9, -1, t, products.shape[2]).sum(axis=2)
-            rows = A[i, :, k].transpose(1, 3, 0, 2, 4, 5).reshape(9, -1, n)
-            np.matmul(np.swapaxes(rows, 1, 2), products, out=H[:, :, at])
-        K = np.empty((len(D), D.shape[3], D.shape[3] * pairs.count))
-        integrate_stiffness(D, H, K)
-        self._scatter_stiffness(batch, K.reshape(len(D), -1), self._where, T, data)
+    def _add_stiffness(self, batch: _Batch, A: Array, data: Array) -> Array:
+        """Add the stiffness of a batch, and return that of its elements at the magnet (a, a, pairs, near).
 
-    def _scatter_stiffness(self, batch: _Batch, K: Array, where: Ints, T: Array, data: Array) -> None:
-        """Add stiffness K (m, entries), with entry (a, f, b, g) at `where`, to the displacements and the motion."""
-        cells, number, _, motion = self._elements.cells, *self._numbers
-        nodes = cells[batch.part], number
-        self._add(K, where, self._pattern.offsets[ELEMENTS][batch.part], nodes, nodes, data)
-        if batch.near.start == batch.near.stop:
+        A : (9, 9, t n) tangents times the weights, or (9, 9, n) where all angles agree.
+        """
+        D, H, at = batch.shapes[0], np.empty((self._pairs.fields.shape[1], 9, len(batch.w) // len(self._C))), 0
+        for i, k, products in self._pairs.groups:
+            count = products.shape[1]
+            sum_over_angles(A, i, k, products, H[at : at + count])
+            at += count
+        H = H.reshape(-1, 3, 3, *D.shape[2:])
+        return np.asarray(add_stiffness(D, H, self._pairs.fields, batch.places[2], data, batch.near))
+
+    def _add_magnet(self, stiffness: Sequence[Array], coupling: Sequence[Array], T: Array, data: Array) -> None:
+        """Add to the tangent what elements at the magnet give to its motion.
+
+        stiffness, coupling : (a, a, pairs, k) and (a, c, f n, k) of k elements, batch by batch; no coupling: none.
+        """
+        f, r = T.shape[1:]
+        if not r:
             return
-        near = cells[batch.near]
-        (count, a), (f, r) = near.shape, T.shape[1:]
-        slopes, at_magnet = T[near].reshape(count, a * f, r), (np.zeros((count, 1), dtype=np.int64), motion)
-        by_motion = K[-count:, where.reshape(a * f, a * f)] @ slopes
-        offset = self._pattern.offsets[MAGNET][batch.beside]
-        self._add(by_motion.reshape(count, -1), _order(a, f, 1, r), offset, (near, number), at_magnet, data)
-        self.add_motion(slopes.reshape(-1, r).T @ by_motion.reshape(-1, r), data)
-
-    def _add_coupling(self, batch: _Batch, T: Array, data: Array) -> None:
-        e, M, offsets = self._elements, self._elements.pressure_shape, self._pattern.offsets
-        cells, corners, (number, pressure_number, motion) = e.cells, self._corners, self._numbers
-        (m, a), (c, f, n) = cells[batch.part].shape, (M.shape[1], number.shape[1], pressure_number.shape[1])
-        cofactor = batch.Hm1 * (batch.w * (1 + batch.Jm1))
-        cofactor[::4] += batch.w * (1 + batch.Jm1)
-        Y = np.swapaxes(np.swapaxes(batch.along(cofactor), 1, 2) @ self._VC, 0, 1)
-        along = np.swapaxes(e.D[batch.part], 2, 3) @ Y.reshape(m, -1, 3, f * n)
-        B = M.T @ along.reshape(m, -1, a * f * n)
-        where, columns = _order(c, a, f, n).transpose(1, 2, 0, 3), (corners[batch.part], pressure_number)
-        self._add(B.reshape(m, -1), where, offsets[PRESSURES][batch.part], (cells[batch.part], number), columns, data)
-        count = batch.near.stop - batch.near.start
-        if count:
-            slopes, near = T[cells[batch.near]].reshape(count, a * f, -1), B[-count:].reshape(count, c, a * f, n)
-            along = np.swapaxes(np.swapaxes(slopes, 1, 2)[:, None] @ near, 1, 2)
-            at_magnet, columns = (
-                (np.zeros((count, 1), dtype=np.int64), motion),
-                (corners[batch.near], pressure_number),
-            )
-            offset = offsets[MAGNET_PRESSURES][batch.beside]
-            self._add(along.reshape(count, -1), _order(1, T.shape[2], c, n), offset, at_magnet, columns, data)
-
-    def _add(self, values: Array, where: Ints, offset: Ints, rows: Rows, columns: Rows, data: Array) -> None:
-        """Add the upper triangles of element matrices to entries of the tangent, see `add_blocks`."""
-        add_blocks(values, where, *rows, *columns, offset, (self._pattern.diagonal, self._pattern.inside), data)
-
-    def add_matrices(self, matrices: Array, group: int, rows: Rows, data: Array) -> None:
-        """Add the upper triangles of matrices (k, a, f, a, f) of a group of the pattern to entries of the tangent."""
-        where = _order(*matrices.shape[1:])
-        values = np.ascontiguousarray(matrices).reshape(len(matrices), where.size)
-        self._add(values, where, self._pattern.offsets[group], rows, rows, data)
+        cells, (with_u, with_p, alone) = self._elements.cells[self._inner :], self._magnet_places
+        (k, a), (first, second), K = cells.shape, self._pairs.fields, np.zeros((*cells.shape, f, *cells.shape[1:], f))
+        of_pairs = np.concatenate(stiffness, axis=-1)
+        K[:, :, first, :, second], K[:, :, second, :, first] = (
+            of_pairs.transpose(2, 3, 0, 1),
+            of_pairs.transpose(2, 3, 1, 0),
+        )
+        slopes = T[cells].reshape(k, a * f, r)
+        by_motion = K.reshape(k, a * f, a * f) @ slopes
+        add_at(by_motion.ravel(), with_u, data)
+        add_at((slopes.reshape(-1, r).T @ by_motion.reshape(-1, r)).ravel(), alone, data)
+        if coupling:
+            B = np.concatenate(coupling, axis=-1).reshape(a, -1, f, self._C.shape[1], k)
+            along = slopes.swapaxes(1, 2) @ B.transpose(4, 0, 2, 1, 3).reshape(k, a * f, -1)
+            add_at(along.ravel(), with_p, data)
 
     def add_motion(self, matrix: Array, data: Array) -> None:
-        """Add the upper triangle of a matrix (r, r) of the magnet's motion to entries of the tangent."""
-        rows = np.zeros((1, 1), dtype=np.int64), self._numbers[2]
-        self.add_matrices(matrix[None, None, :, None], MOTION, rows, data)
+        """Add a symmetric matrix (r, r) of the magnet's motion to entries of the tangent."""
+        add_at(matrix.ravel(), self._magnet_places[2], data)
 
     def assemble_displacements(self, matrices: Array, T: Array) -> Array:
         """Return the entries (nnz,) of element matrices (m, f, a, f, a) without pressures."""
-        data, (f, a) = np.zeros(self._pattern.entries), matrices.shape[1:3]
-        where = _order(f, a, f, a).transpose(1, 0, 3, 2)
+        data, (first, second) = np.zeros(self._entries), self._pairs.fields
+        stiffness = matrices[:, first, :, second].transpose(2, 3, 0, 1)
         for batch in self._batches:
-            values = np.ascontiguousarray(matrices[batch.part]).reshape(-1, where.size)
-            self._scatter_stiffness(batch, values, where, T, data)
+            add_at(stiffness[..., batch.part].ravel(), batch.places[2].ravel(), data)
+        self._add_magnet([stiffness[..., self._inner :]], [], T, data)
         return data
 
     def assemble_relaxing(self, u: Array, T: Array) -> Array:
         """Return the entries (nnz,) of `System.relaxing_stiffness` for displacements u, read-only."""
         self.least_volume_change(u)
-        data = np.zeros(self._pattern.entries)
+        data, stiffness = np.zeros(self._entries), []
         for batch in self._batches:
-            _, P, A = self._stresses(batch, np.zeros(batch.w.shape), None, tangent=True)
-            H = batch.Hm1.reshape(3, 3, -1) + np.eye(3)[..., None]
+            _, P, A = self._stresses(batch, np.zeros(len(batch.w)), None, tangent=True)
+            H = batch.strain[2].reshape(3, 3, -1) + np.eye(3)[..., None]
             S = np.einsum("iJn,iLn->JLn", H, P.reshape(3, 3, -1))
             for i in range(0, 9, 3):
                 A[i : i + 3, i : i + 3] -= S
-            self._add_stiffness(batch, A, T, data)
+            stiffness.append(self._add_stiffness(batch, A, data))
+        self._add_magnet(stiffness, [], T, data)
         return data
 
 
-def _incidence(cells: Ints, count: int) -> sp.csr_matrix:
-    """Return the matrix (count, m a) that adds values at the nodes (m, a) of the elements."""
-    nodes = cells.ravel()
-    starts = np.append(0, np.cumsum(np.bincount(nodes, minlength=count)))
-    return sp.csr_matrix((np.ones(cells.size), np.argsort(nodes, kind="stable"), starts), shape=(count, cells.size))
+def _places_at_magnet(u: Ints, p: Ints, motion: Ints, pattern: Pattern) -> tuple[Places, Places, Places]:
+    """Return the places of couplings (m, a, f, r) and (m, r, c, n) with the motion, and (r, r) of its own, in rows.
 
-
-def _order(*shape: int) -> Ints:
-    """Return the positions of the entries of an array of a shape."""
-    return np.arange(math.prod(shape)).reshape(shape)
+    u, p, motion : unknowns (m, a, f), (m, c, n) and (1, r).
+    """
+    with_u = pattern.places(MAGNET, u[:, :, None, :, None], motion)
+    with_p = pattern.places(MAGNET_PRESSURES, motion[0, :, None], p[:, None, :, None])[:, 0].swapaxes(1, 2)
+    return with_u.ravel(), with_p.ravel(), pattern.block_places(MOTION, motion[None]).ravel()
 
 
 def cut_batches(e: Elements) -> list[tuple[int, int]]:
@@ -326,46 +311,141 @@ def cut_batches(e: Elements) -> list[tuple[int, int]]:
 
 
 @compiled
-def integrate_stiffness(D, H, K):
-    """Write K_a,bs = sum D_Ja H_JL,s D_Lb over the points, (m, a, b s); H is (9, n, s)."""
-    (m, q, _, a), s = D.shape, H.shape[2]
-    X = np.empty((3 * q, a * s))
-    for cell in range(m):
-        for point in range(q):
-            x, slopes = cell * q + point, D[cell, point]
-            for J in range(3):
-                first, second, third = H[3 * J, x], H[3 * J + 1, x], H[3 * J + 2, x]
-                for node in range(a):
-                    d0, d1, d2 = slopes[0, node], slopes[1, node], slopes[2, node]
-                    row = X[3 * point + J, node * s : (node + 1) * s]
-                    for k in range(s):
-                        row[k] = d0 * first[k] + d1 * second[k] + d2 * third[k]
-        np.dot(D[cell].reshape(3 * q, a).T, X, K[cell])
+def add_at(values, places, data):
+    """Add values to the entries at their places; -1: nowhere."""
+    for i in range(len(places)):
+        if places[i] >= 0:
+            data[places[i]] += values[i]
 
 
 @compiled
-def add_blocks(values, where, rows, row_number, columns, column_number, offset, places, data):
-    """Add the upper triangles of element matrices (m, entries) to the entries of the sparse matrix.
+def write_gradients(u, nodes, D, V, G):
+    """Write the displacement gradients G (3, 3, t, q, m) of elements with nodes (a, m)."""
+    (a, _, q, m), t = D.shape, V.shape[3]
+    here, g = np.empty(m), np.empty((q, m))
+    G[:] = 0.0
+    for f in range(u.shape[1]):
+        for J in range(3):
+            g[:] = 0.0
+            for node in range(a):
+                for cell in range(m):
+                    here[cell] = u[nodes[node, cell], f]
+                for point in range(q):
+                    for cell in range(m):
+                        g[point, cell] += D[node, J, point, cell] * here[cell]
+            for i in range(3):
+                for angle in range(t):
+                    c = V[J, f, i, angle]
+                    if c != 0.0:
+                        for point in range(q):
+                            for cell in range(m):
+                                G[i, J, angle, point, cell] += c * g[point, cell]
 
-    where : (a, f, b, g) positions of the entries of fields f of the a-th row and g of the b-th column.
-    rows, columns : (m, a) and (m, b) nodes, whose unknowns are numbered in `row_number` and `column_number`; -1 where
-        eliminated.
-    offset, places : (m, a, b) starts of the pairs of nodes; and diagonal and inside, see `sparse_pattern`.
+
+@compiled
+def _add_angles(c, values, out):
+    """Add to out (n,) the sum of values (t n,) times c (t,), or of values (n,) that all angles share."""
+    n = len(out)
+    for angle in range(len(c)):
+        if c[angle] != 0.0:
+            part = values[angle * n % len(values) :]
+            for x in range(n):
+                out[x] += c[angle] * part[x]
+
+
+@compiled
+def add_forces(nodes, D, P, V, forces):
+    """Add the forces of weighted stresses P (9, t n), or (9, n) where all angles agree, to those of the nodes."""
+    a, _, q, m = D.shape
+    S, here = np.empty((3, q * m)), np.empty(m)
+    X = S.reshape(3, q, m)
+    for f in range(V.shape[1]):
+        S[:] = 0.0
+        for J in range(3):
+            for i in range(3):
+                _add_angles(V[J, f, i], P[3 * i + J], S[J])
+        for node in range(a):
+            here[:] = 0.0
+            for J in range(3):
+                for point in range(q):
+                    for cell in range(m):
+                        here[cell] += D[node, J, point, cell] * X[J, point, cell]
+            for cell in range(m):
+                forces[nodes[node, cell], f] += here[cell]
+
+
+@compiled
+def add_coupling(D, M, cofactor, VC, places, data, near):
+    """Add the coupling B to entries, for weighted cofactors (9, t n); return that of the last `near` elements."""
+    (a, _, q, m), c = D.shape, M.shape[1]
+    last = np.empty((a, c, VC.shape[1], near))
+    Y, along, here = np.empty((3, q * m)), np.empty((q, m)), np.empty(m)
+    X = Y.reshape(3, q, m)
+    for s in range(VC.shape[1]):
+        Y[:] = 0.0
+        for J in range(3):
+            for i in range(3):
+                _add_angles(VC[J, s, i], cofactor[3 * i + J], Y[J])
+        for node in range(a):
+            along[:] = 0.0
+            for J in range(3):
+                for point in range(q):
+                    for cell in range(m):
+                        along[point, cell] += D[node, J, point, cell] * X[J, point, cell]
+            for corner in range(c):
+                here[:] = 0.0
+                for point in range(q):
+                    for cell in range(m):
+                        here[cell] += M[point, corner] * along[point, cell]
+                add_at(here, places[node, corner, s], data)
+                for cell in range(near):
+                    last[node, corner, s, cell] = here[m - near + cell]
+    return last
+
+
+@compiled
+def sum_over_angles(A, i, k, products, H):
+    """Write H_JL,fg (pairs, 9, n) of weighted tangents A (9, 9, t n), or (9, 9, n) where all angles agree.
+
+    i, k, products : of a group of pairs, see `fem.model.angular_fields.FieldPairs`.
     """
-    diagonal, inside = places
-    a, fields, b, column_fields = where.shape
-    for cell in range(len(rows)):
-        entries = values[cell]
-        for first in range(a):
-            row = rows[cell, first]
-            for second in range(b):
-                column = columns[cell, second]
-                for f in range(fields):
-                    i = row_number[row, f]
-                    if i < 0:
-                        continue
-                    start = diagonal[i] + offset[cell, first, second]
-                    for g in range(column_fields):
-                        k = column_number[column, g]
-                        if k >= i:
-                            data[start + inside[k]] += entries[where[first, f, second, g]]
+    for JL in range(9):
+        for s in range(len(H)):
+            H[s, JL] = 0.0
+            for first in range(products.shape[2]):
+                for second in range(products.shape[3]):
+                    row = A[3 * (i + first) + JL // 3, 3 * (k + second) + JL % 3]
+                    _add_angles(products[JL, s, first, second], row, H[s, JL])
+
+
+@compiled
+def add_stiffness(D, H, fields, places, data, near):
+    """Add the stiffness K of H (pairs, 3, 3, q, m) to entries; return that of the last `near` elements."""
+    a, _, q, m = D.shape
+    last, X, here = np.empty((a, a, len(H), near)), np.empty((3, q, m)), np.empty(m)
+    for s in range(len(H)):
+        equal = fields[0, s] == fields[1, s]
+        for second in range(a):
+            for J in range(3):
+                for point in range(q):
+                    for cell in range(m):
+                        X[J, point, cell] = (
+                            H[s, J, 0, point, cell] * D[second, 0, point, cell]
+                            + H[s, J, 1, point, cell] * D[second, 1, point, cell]
+                            + H[s, J, 2, point, cell] * D[second, 2, point, cell]
+                        )
+            for first in range(second + 1 if equal else a):
+                here[:] = 0.0
+                for point in range(q):
+                    for cell in range(m):
+                        here[cell] += (
+                            D[first, 0, point, cell] * X[0, point, cell]
+                            + D[first, 1, point, cell] * X[1, point, cell]
+                            + D[first, 2, point, cell] * X[2, point, cell]
+                        )
+                add_at(here, places[first, second, s], data)
+                for cell in range(near):
+                    last[first, second, s, cell] = here[m - near + cell]
+                    if equal:
+                        last[second, first, s, cell] = here[m - near + cell]
+    return last

@@ -24,7 +24,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from fem.model import element_assembly, material, plate_contact
-from fem.model.element_assembly import FACETS, ElementAssembly
+from fem.model.element_assembly import ElementAssembly, add_at
 from fem.model.elements import SAME_PLACE, Elements, Surface
 from fem.model.plate_contact import Plate
 from fem.model.rigid_inclusion import RigidBody
@@ -185,7 +185,7 @@ class System:
         if self.surface is not None:
             facets = self.surface.nodes
             groups.append((facets, facets))
-            skin = self.unknown_numbers[facets].reshape(len(facets), facets.shape[1] * self.fixed.shape[1])
+            skin = self.unknown_numbers[facets]
         sizes = np.concatenate([self.free.sum(axis=1), [self.n_rigid], (self._pressures >= 0).sum(axis=1)])
         self.pattern = Pattern(groups, sizes, skin)
 
@@ -267,7 +267,7 @@ class System:
             # a finite rotation is nonlinear in its angles: forces on the magnet contribute to the tangent
             self._loops.add_motion(self.rigid.curvature(self.motion(state.q), forces[self.glued]), data)
         if blocks is not None:
-            self._loops.add_matrices(blocks, FACETS, (self.skin.nodes, self.unknown_numbers), data)
+            add_at(blocks.ravel(), self.pattern.skin_places, data)
         matrix = self.pattern.with_data(data)
         if not symmetric and blocks is not None:
             matrix = self.pattern.unfold(matrix, blocks)

@@ -17,6 +17,9 @@ from numpy.typing import NDArray
 
 from geometry.arrays import Array, Ints, Mask
 
+Places = NDArray[np.int32]
+"""Positions of entries; -1 for those that are not stored."""
+
 
 class Pattern:
     """Upper triangle of a symmetric sparse matrix that compiled loops assemble from element matrices.
@@ -28,8 +31,8 @@ class Pattern:
     ----------
     groups : (m, b) and (m, c) blocks of the rows and of the columns of each group of m elements.
     sizes : (blocks,) numbers of unknowns of the blocks, which are numbered consecutively.
-    skin : (m, k) numbers of the unknowns of the last group's elements, node by node, -1 where eliminated: their
-        matrices may be unsymmetric, see `unfold`.
+    skin : (m, a, f) numbers of the unknowns of the last group's elements, -1 where eliminated: their matrices may be
+        unsymmetric, see `unfold`.
 
     Attributes
     ----------
@@ -84,24 +87,36 @@ class Pattern:
         """
         source, below, columns, pointers = self._mirror
         # `upper` mirrors their upper triangles; below the diagonal the difference lower - upper is added
-        places, positions = self._skin_places
         last = last.reshape(len(last), math.isqrt(last[0].size), -1)
-        skew = (np.swapaxes(last, 1, 2) - last).ravel()[places]
-        excess = np.bincount(positions, weights=skew, minlength=len(upper.data))
+        skew, stored = (np.swapaxes(last, 1, 2) - last).ravel(), self.skin_places >= 0
+        excess = np.bincount(self.skin_places[stored], weights=skew[stored], minlength=len(upper.data))
         data = upper.data[source]
         data[below] += excess[source[below]]
         return sp.csr_matrix((data, columns, pointers), shape=upper.shape)
 
+    def places(self, group: int, rows: Ints, columns: Ints, part: slice = slice(None)) -> Places:
+        """Return the positions of entries of a group's elements, (m, b, c, ...); -1 where an unknown is eliminated.
+
+        rows, columns : numbers of the unknowns, of shapes that fit this one. Below the diagonal an entry has the
+            position of its mirror image.
+        """
+        offset = self.offsets[group][part]
+        low, high = np.minimum(rows, columns), np.maximum(rows, columns)
+        # clipped, which is faster than checked: of eliminated unknowns the place does not matter
+        place = self.diagonal.take(low, mode="clip") + self.inside.take(high, mode="clip")
+        place += offset.reshape(*offset.shape, *(1,) * (low.ndim - 3))
+        return np.where(low >= 0, place, -1).astype(np.int32)
+
+    def block_places(self, group: int, unknowns: Ints) -> Places:
+        """Return the positions (m, a, f, a, f) of the upper triangles of matrices of unknowns (m, a, f)."""
+        i, k = unknowns[:, :, None, :, None], unknowns[:, None, :, None]
+        return np.where(k >= i, self.places(group, i, k), -1).swapaxes(2, 3)
+
     @functools.cached_property
-    def _skin_places(self) -> tuple[Ints, Ints]:
-        """Entries of the last group's matrices in the upper triangle, and their positions there."""
-        skin, offset = self._skin, self.offsets[-1]
-        assert skin is not None
-        i, k = skin[:, :, None], skin[:, None, :]
-        node = np.repeat(np.arange(offset.shape[1]), skin.shape[1] // offset.shape[1])
-        place = self.diagonal[i] + offset[:, node[:, None], node] + self.inside[k]
-        upper = (i >= 0) & (k >= i)
-        return np.flatnonzero(upper), place[upper]
+    def skin_places(self) -> Places:
+        """Positions of the entries of the last group's matrices, in a row."""
+        assert self._skin is not None
+        return self.block_places(-1, self._skin).ravel()
 
     @functools.cached_property
     def _mirror(self) -> tuple[Ints, Mask, NDArray[np.int32], NDArray[np.int32]]:

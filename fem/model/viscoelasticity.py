@@ -168,10 +168,10 @@ class Overstress:
     branches: tuple[tuple[Array, Array, float], ...] = ()
 
     def part(self, elements: slice) -> Overstress:
-        """Return the overstress of some elements, with points (t m q,)."""
+        """Return the overstress of some elements, with points (t q m,)."""
 
         def pick(values: Array) -> Array:
-            chosen = values[..., elements, :]
+            chosen = values[..., elements, :].swapaxes(-1, -2)
             return chosen.reshape(*chosen.shape[:-3], -1)
 
         H = None if self.H is None else pick(self.H)
