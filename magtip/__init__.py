@@ -3,7 +3,8 @@
 Units are mm, N, MPa, T, V, rad, Hz and s; columns of tables carry theirs, as in `force_N`.
 
 - `Design`, `paper`, `preset`: the sensor; `Load`: what is done to it; `solve`: its state by finite elements.
-- `answer`: a table of sensors and loads in, a table of answers by any models out; `plot`: a chart of these answers.
+- `answer`: a table of sensors and loads in, a table of answers by any models out; `plot`: a chart of these answers;
+  `tidy`: these answers in long form, a row for each model, quantity and part, with half widths and errors.
 - `problem`: fields and bounds for the samplers of SALib, whose points `answer` takes.
 - `size`: from `Requirements` to a variant of parts that are sold.
 - `BadInput`, `SolveFailed`: what users can meet, each with one sentence; every other error is a bug.
@@ -27,6 +28,7 @@ from geometry.loads import Load
 
 if TYPE_CHECKING:
     from fem.equilibrium import solve
+    from studies.answers import tidy
     from studies.cases import answer
     from studies.inputs.study_input import problem
     from studies.parts.requirements import Requirements
@@ -40,6 +42,7 @@ else:
         "problem": "studies.inputs.study_input",
         "size": "studies.sizing.sizing_study",
         "solve": "fem.equilibrium",
+        "tidy": "studies.answers",
     }
     """Modules of the names that are imported at their first use; a type checker sees the imports above instead."""
 
@@ -66,4 +69,5 @@ __all__ = [
     "problem",
     "size",
     "solve",
+    "tidy",
 ]

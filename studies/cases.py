@@ -31,6 +31,7 @@ from geometry.bad_input import closest
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load, Magnet
 from geometry.messages import Progress
+from studies.answers import SweepColumns, status_columns
 from studies.inputs import study_input, user_input
 from studies.inputs.study_input import AXES, Factor
 from studies.mechanics import store as stores
@@ -46,7 +47,6 @@ from studies.mechanics.study_cases import (
 )
 from studies.output import console, provenance
 from studies.sweeps import sweep
-from studies.sweeps.sweep_columns import SweepColumns, status_columns
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -152,6 +152,8 @@ def answer(
 
     Its `attrs` say what it rests on: `versions` (of magtip, packages, physics and error estimates), `accuracies`
     (mesh sizes over D of the finite elements, by model) and `columns` (axes, models and the reference).
+    `magtip.tidy(answers)` has the same in long form: a row for each case, model, quantity and part, with half widths
+    and errors.
 
     Raises
     ------

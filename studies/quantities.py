@@ -10,9 +10,8 @@ JSON, the names that messages and help state, the figures, and the README's row.
   and a row here; states that were stored without it are solved again when it is asked for;
 - *derived*: a function of the fields and the other answers of one model. A new one is a row here.
 
-A quantity with a `path` has a solve of its own (`studies.mechanics.path_solver`). Columns of readings, which follow
-from the layout, and what is derived from the paths of modes and vibrations stand in `studies.sweeps.study_rows`; here
-are those that figures show.
+A quantity with a `path` has a solve of its own (`studies.mechanics.path_solver`). The parts of readings follow from
+the layout (`reading_parts`); here is the one that figures show.
 """
 
 from __future__ import annotations
@@ -68,6 +67,7 @@ class Part:
     along_shear : whether a beam that gave way has no error of it.
     stored : key of the stored value.
     half_width : key of the stored half width, which has a column too.
+    of_change : whether its error is relative to its change from rest.
     factor, scale : on the stored value, and exponents of E, MPa, and D, mm.
     """
 
@@ -82,6 +82,7 @@ class Part:
     half_width: str = ""
     factor: float = 1.0
     scale: tuple[int, int] = (0, 0)
+    of_change: bool = False
 
     @property
     def column(self) -> str:
@@ -106,7 +107,7 @@ class Part:
     @property
     def error_column(self) -> str:
         """Name of the column of its error against the reference, behind that of the model."""
-        return f"{self.error or self.name}_error_percent"
+        return f"{self.error or self.name}_error_percent{'_of_change' * self.of_change}"
 
     def scaled(self, values: Number, E: Number, D: Number) -> Number:
         """Return stored values in the unit of the part."""
@@ -122,6 +123,7 @@ class Quantity:
     usual : whether studies that name no quantities have it; `sideways`: if loads act sideways.
     of_sensor : whether it needs no load.
     solved : whether only finite elements that are solved answer it, not the surrogate.
+    response : places of its parts in the nine numbers of a response: force, shift, tilt, tilt_y, contact radius.
     derive : returns the values of the only part from columns of fields and of the model's answers, shape (n,) each.
     """
 
@@ -131,7 +133,13 @@ class Quantity:
     path: Path | None = None
     of_sensor: bool = False
     solved: bool = False
+    response: tuple[int, ...] = ()
     derive: Callable[[Mapping[str, Array]], Array] | None = None
+
+    @property
+    def compared(self) -> bool:
+        """Whether all models answer it, from their responses."""
+        return bool(self.response or self.derive)
 
     @property
     def of_states(self) -> bool:
@@ -151,6 +159,7 @@ _LIST = (
             Part("force_x", "N", "force along the shear", estimate="sideways", along_shear=True),
             Part("force_y", "N", "force along y", drawn=False, estimate="sideways", along_shear=True),
         ),
+        response=(2, 0, 1),
         usual="always",
     ),
     Quantity(
@@ -160,6 +169,7 @@ _LIST = (
             Part("shift_x", "mm", "sideways motion of the magnet", estimate="shift", along_shear=True),
             Part("shift_y", "mm", "motion of the magnet along y", drawn=False, estimate="shift", along_shear=True),
         ),
+        response=(5, 3, 4),
         usual="always",
     ),
     Quantity(
@@ -168,9 +178,12 @@ _LIST = (
             Part("tilt", "rad", "tilt", estimate="tilt", along_shear=True),
             Part("tilt_y", "rad", "tilt towards y", drawn=False, estimate="tilt", along_shear=True),
         ),
+        response=(6, 7),
         usual="sideways",
     ),
-    Quantity("contact_radius", (Part("contact_radius", "mm", "contact radius", drawn=False),), usual="always"),
+    Quantity(
+        "contact_radius", (Part("contact_radius", "mm", "contact radius", drawn=False),), "always", response=(8,)
+    ),
     Quantity(
         "strain",
         (
@@ -217,7 +230,15 @@ _LIST = (
         derive=_stiffness,
     ),
     Quantity("readings", (Part("S1", "V", "output of S1"),), usual="always"),
-    Quantity("decoded_force_error", (), solved=True),
+    Quantity(
+        "decoded_force_error",
+        (
+            Part("decoded_force", "N", "decoded press force", drawn=False),
+            Part("decoded_force_error", "N", "error of the decoded force", drawn=False),
+            Part("decoded_force_error", "percent", "error of the decoded force", drawn=False),
+        ),
+        solved=True,
+    ),
     Quantity(
         "critical_depth",
         (
@@ -237,13 +258,24 @@ _LIST = (
         path="critical depth",
         of_sensor=True,
     ),
-    Quantity("modes", (Part("mode1", "Hz", "first natural frequency"),), path="modes", of_sensor=True),
+    Quantity(
+        "modes",
+        (
+            Part("mode1", "Hz", "first natural frequency"),
+            Part("mode2", "Hz", "second natural frequency", drawn=False),
+            Part("mode3", "Hz", "third natural frequency", drawn=False),
+        ),
+        path="modes",
+        of_sensor=True,
+    ),
     Quantity(
         "response",
         (
             Part("response_gain", "1", "gain of the magnet's shift per N"),
+            Part("response_phase", "deg", "phase of the magnet's shift per N", drawn=False),
             Part("response_bandwidth", "Hz", "-3 dB bandwidth per N"),
             Part("response_resonance", "Hz", "first resonance per N"),
+            Part("response_Q", "1", "quality factor of the first resonance per N", drawn=False),
         ),
         path="response",
     ),
@@ -259,6 +291,23 @@ _LIST = (
 )
 QUANTITIES = {each.name: each for each in _LIST}
 """Quantities by name, in the order of their columns."""
+
+
+def reading_parts(elements: Iterable[str], unit: str) -> tuple[Part, ...]:
+    """Return the parts of the readings of a layout: field and output of each element, one after the other.
+
+    >>> [part.column for part in reading_parts(["S1"], "V")], [part.column for part in reading_parts(["chip x"], "T")]
+    (['S1_mT', 'S1_V'], ['chip_x_mT', 'chip_x_output_mT'])
+    """
+    named = [element.replace(" ", "_") for element in elements]
+    return tuple(
+        part
+        for name in named
+        for part in (
+            Part(name, "mT", f"field at {name}", of_change=True),
+            Part(name if unit == "V" else f"{name}_output", unit if unit == "V" else "mT", f"output of {name}"),
+        )
+    )
 
 
 def drawn_parts() -> dict[str, Part]:

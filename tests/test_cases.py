@@ -23,6 +23,7 @@ from geometry.design import BadInput, paper
 from geometry.loads import Load
 from geometry.relaxation import relaxation_of
 from studies import cases
+from studies.answers import flat_rows
 from studies.beam import surrogate_response
 from studies.inputs.study_input import Factor, grid, problem
 from studies.mechanics.path_solver import Answer, answer, place
@@ -32,7 +33,7 @@ from studies.mechanics.study_cases import Cases, FemModel, Plan, Problem, varied
 from studies.mechanics.timed_quantities import PlateMotion
 from studies.sweeps import sweep
 from studies.sweeps.answer_plot import plot
-from studies.sweeps.study_rows import critical_verdict, flat_rows, with_critical
+from studies.sweeps.study_rows import critical_verdict, with_critical
 
 
 @pytest.fixture

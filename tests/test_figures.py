@@ -10,6 +10,7 @@ from PIL import Image
 
 from fem.accuracy import QUICK
 from geometry.design import paper
+from studies.answers import SweepColumns, prefixes
 from studies.inputs import study_input
 from studies.inputs.study_input import grid
 from studies.mechanics.study_cases import Cases, FemModel, Plan, completed, models_of
@@ -21,7 +22,6 @@ from studies.simulation import time_figures
 from studies.sizing import sizing_figures
 from studies.sweeps import sweep, sweep_figures
 from studies.sweeps.answer_curves import Axes, curves
-from studies.sweeps.sweep_columns import SweepColumns, prefixes
 from studies.web import folder_contents
 
 CURVES = pd.DataFrame(

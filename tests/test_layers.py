@@ -50,12 +50,14 @@ def top(node):
 
 
 STUDIES = (
-    "output inputs beam mechanics sensing sweeps cases simulation fabrication parts sensitivity calibration firmware"
+    "output inputs beam mechanics answers sensing sweeps cases simulation fabrication parts sensitivity calibration"
 )
 STUDIES = [
     "deferred_modules",
     "quantities",
     *STUDIES.split(),
+    "calibration",
+    "firmware",
     "sizing",
     "demo",
     "web",
@@ -317,7 +319,7 @@ FROM_PYTHON += [path for path in FILES if path.parent.name == "sizing"]
 FROM_PYTHON += [
     ROOT / "studies" / f"{name}.py"
     for name in (
-        *("cases", "sweeps/answer_plot", "sweeps/sweep_columns", "sweeps/study_rows"),
+        *("cases", "sweeps/answer_plot", "answers", "sweeps/study_rows"),
         *(
             "parts/catalogues",
             "parts/requirements",

@@ -1,6 +1,7 @@
 """What a new quantity costs: a row, and for a stored one an attribute of the facts; everything else follows."""
 
 import dataclasses
+import io
 import json
 import re
 from pathlib import Path
@@ -13,13 +14,13 @@ import magtip
 from fem import solution
 from fem.results import diagnostics
 from studies import quantities
+from studies.answers import Answers
 from studies.inputs.study_input import AXES, checked_quantities, needs_load
 from studies.mechanics.path_solver import lacks
 from studies.mechanics.store import State
 from studies.quantities import QUANTITIES, Part, Quantity, stored_values
 from studies.simulation import state_rows
-from studies.sweeps.answer_plot import half_width, plot
-from studies.sweeps.sweep_columns import SweepColumns
+from studies.sweeps.answer_plot import plot
 
 ROOT = Path(__file__).resolve().parent.parent
 PRESSES = pd.DataFrame({"L_mm": [9.0, 11.0], "E_MPa": [0.5, 1.3], "depth_mm": 0.5})
@@ -89,10 +90,43 @@ def test_a_stored_quantity_is_an_attribute_and_a_row(monkeypatch, tmp_path):
 
 def test_stored_values_have_bars_in_charts():
     table = pd.DataFrame({"fem_contact_pressure_MPa": [0.5], "fem_contact_pressure_error_estimate": [0.02]})
-    table = table.assign(fem_force_N=4.0, error_estimate=0.01)
-    study = SweepColumns((), {"standard": "fem_"}, "standard")
-    assert half_width(table, study, "standard", "contact_pressure_MPa").tolist() == [0.01]
-    assert half_width(table, study, "standard", "force_N").tolist() == [0.04]
+    answers = Answers.of_table(table.assign(fem_force_N=4.0, error_estimate=0.01, status="ok"))
+    assert answers.half_widths("fem", "contact_pressure").tolist() == [[0.01]]
+    assert answers.half_widths("fem", "force").tolist() == [[0.04]]
+
+
+def test_answers_are_tidy_with_half_widths_and_errors(with_work):
+    """The long form holds what the wide one does, of rows that are chosen and of a table from a file too."""
+    presses = PRESSES.assign(shear_mm=[0.3, 0.0], specimen=["a", "b"]).set_axis(["first", "second"])
+    names = ["force", "shift", "work", "strain", "readings"]
+    answers = magtip.answer(presses, ["surrogate", "finite"], quantities=names, reference="finite")
+    file = pd.read_csv(io.StringIO(answers.to_csv(index=False)))
+    for table, label in ((answers, "second"), (answers.iloc[1:], "second"), (file, 1)):
+        tidy = magtip.tidy(table)
+        row = tidy[(tidy.model == "surrogate") & (tidy.part == "force")].loc[label]
+        wide = answers.loc["second"]
+        assert (row.value, row.unit, row.status) == (pytest.approx(wide.surrogate_force_N, rel=1e-12), "N", "ok")
+        assert row.half_width == pytest.approx(wide.error_estimate * wide.surrogate_force_N, rel=1e-6)
+    tidy = magtip.tidy(answers)
+    assert set(tidy.quantity) == set(names)
+    errors = tidy[(tidy.model == "surrogate") & (tidy.part == "force")].error_percent
+    assert errors.tolist() == answers.force_error_percent.tolist()
+    assert tidy[tidy.model == "finite"].half_width.isna().all()
+    field = tidy[(tidy.part == "S2") & (tidy.model == "surrogate") & (tidy.unit == "mT")]
+    assert field.value.tolist() == answers.surrogate_S2_mT.tolist()
+    joined = magtip.tidy(answers).join(answers[["L_mm", "specimen"]])
+    assert joined.groupby("specimen").L_mm.unique().tolist() == [[9.0], [11.0]]
+    with pytest.raises(magtip.BadInput, match="no column status"):
+        magtip.tidy(presses)
+
+
+def test_errors_mirror_when_the_reference_is_exchanged():
+    """1 + e of one model by the other is the inverse of that of the other one by it."""
+    models, presses = ("surrogate", "finite"), PRESSES.assign(shear_mm=0.3)
+    tables = {name: magtip.answer(presses, models, reference=name) for name in models}
+    first = Answers.of_table(tables["finite"]).errors()["surrogate", "force"][:, :2]
+    second = Answers.of_table(tables["surrogate"]).errors()["finite", "force"][:, :2]
+    assert (1 + first / 100) * (1 + second / 100) == pytest.approx(1)
 
 
 def test_states_without_a_value_lack_it():

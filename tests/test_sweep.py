@@ -19,6 +19,7 @@ from fem.physics_version import ESTIMATES, PHYSICS
 from geometry.bad_input import MeshError, SolveFailed
 from geometry.design import Design, paper
 from geometry.loads import Load
+from studies.answers import flat_rows
 from studies.inputs import study_input
 from studies.inputs.option_groups import Sweep
 from studies.inputs.study_input import Factor, grid
@@ -26,7 +27,6 @@ from studies.mechanics import path_solver, solve_plan
 from studies.mechanics.solve_plan import Processes
 from studies.mechanics.study_cases import FemModel, Plan
 from studies.sweeps import sweep
-from studies.sweeps.study_rows import flat_rows
 from studies.sweeps.sweep import Shown
 
 BARE = Design(magnet_diameter=0.0, magnet_height=0.0)

@@ -55,10 +55,10 @@ def sweep(
     retry_failed
         Solve again the cases whose process died.
     """
+    from studies.answers import SweepColumns
     from studies.mechanics.executor import SchedulerLost
     from studies.mechanics.solve_plan import Processes
     from studies.sweeps import sweep as study
-    from studies.sweeps.sweep_columns import SweepColumns
 
     here = call.here(study.FILES, [options.design])
     processes = Processes(solves.workers, solves.scheduler, retry_failed)

@@ -21,9 +21,9 @@ from analytic import beam, hall
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.loads import ANSWERED, Load, rotation_of
+from studies.answers import percents
 from studies.output import page_templates
 from studies.sensing.field_readings import columns
-from studies.sweeps.study_rows import percents
 
 if TYPE_CHECKING:
     import pandas as pd

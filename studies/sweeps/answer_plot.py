@@ -6,7 +6,7 @@ names of the columns.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -14,13 +14,13 @@ import numpy as np
 
 from geometry.bad_input import nearest
 from geometry.design import BadInput
+from studies.answers import Answers, SweepColumns, check_table
 from studies.output import figures
 from studies.output.figures import COLOURS, THEME
 from studies.output.text_tables import quantity_name
-from studies.quantities import QUANTITIES, drawn_parts
+from studies.quantities import drawn_parts
 from studies.sweeps import sweep_figures
 from studies.sweeps.answer_curves import Axes, curves, drawable
-from studies.sweeps.sweep_columns import SweepColumns
 from studies.sweeps.sweep_figures import in_words, log_spaced, value_of
 
 if TYPE_CHECKING:
@@ -68,11 +68,13 @@ def plot(answers: pd.DataFrame, x: str, y: str | Sequence[str], color: str = "")
     import pandas as pd
 
     names = list(y) if isinstance(y, Sequence) and not isinstance(y, str) else [y]
+    check_table(answers)
     _check(answers, x, color, names)
-    study = _columns_of(answers)
+    stated = Answers.of_table(answers)
+    study = stated.columns
     label = _label(names, study)
     axes = list(dict.fromkeys(filter(None, (x, color))))
-    tidy = pd.concat([_answers(answers, axes, study, name) for name in names], ignore_index=True)
+    tidy = pd.concat([_answers(answers, axes, stated, name) for name in names], ignore_index=True)
     if not tidy["value"].notna().any():
         raise BadInput(f"no row has an answer for {' and '.join(names)}: see the columns status and message")
     keys = [*axes, "model"]
@@ -103,13 +105,7 @@ def plot(answers: pd.DataFrame, x: str, y: str | Sequence[str], color: str = "")
     return configured
 
 
-def _check(answers: object, x: object, color: object, names: Sequence[object]) -> None:
-    import pandas as pd
-
-    if not isinstance(answers, pd.DataFrame):
-        raise BadInput(f"answers must be the table that answer returns; got {type(answers).__name__}")
-    if "status" not in answers:
-        raise BadInput("the answers have no column status: hand on the table that answer returned")
+def _check(answers: pd.DataFrame, x: object, color: object, names: Sequence[object]) -> None:
     for what, name in (("x", x), *((("color", color),) if color != "" else ())):
         if not isinstance(name, str) or name not in answers:
             raise BadInput(f"{what} must be a column of the answers; got {name!r}: {nearest(str(name), answers)}")
@@ -117,14 +113,6 @@ def _check(answers: object, x: object, color: object, names: Sequence[object]) -
         raise BadInput(f"y must be the name of a column, or a list of names; got {names!r:.60}")
     if color != "" and (count := answers[color].nunique()) > len(COLOURS):
         raise BadInput(f"{color} has {count} values, and {len(COLOURS)} colours can be told apart: take fewer rows")
-
-
-def _columns_of(answers: pd.DataFrame) -> SweepColumns:
-    """Return the models of a table: by its attributes, or by its names if it has lost them, as in a file."""
-    record = answers.attrs.get("columns")
-    if not isinstance(record, Mapping):
-        return SweepColumns.of_table(answers.columns)
-    return SweepColumns.of_record({**record, "axes": [a for a in record["axes"] if a in answers]}, answers.columns)
 
 
 def _label(names: Sequence[str], study: SweepColumns) -> str:
@@ -146,49 +134,23 @@ def _model_of(name: str, study: SweepColumns) -> tuple[str, str]:
     return model, name[length:]
 
 
-def _answers(answers: pd.DataFrame, axes: Sequence[str], study: SweepColumns, name: str) -> pd.DataFrame:
+def _answers(answers: pd.DataFrame, axes: Sequence[str], stated: Answers, name: str) -> pd.DataFrame:
     """Return the rows of `sweep_figures.answers` of a quantity, or of one column, with their half widths."""
+    study = stated.columns
     model, quantity = _model_of(name, study)
     if name in answers and model:
         study, name = replace(study, models={model: study.models[model]}), quantity
     elif name in answers and name not in drawn_parts():
         part = answers[list(axes)].assign(model=in_words(name), value=answers[name], failed=False, open=False)
-        return part.assign(half_width=half_width(answers, study, "", name))
+        return part.assign(half_width=answers.get(f"{name}_half_width", np.nan))
     models = study.answers(name, answers.columns)
     if not models:
         raise BadInput(f"the answers have no {name!r}: {nearest(name, _quantities(answers, study))}")
     tidy = sweep_figures.answers(answers, axes, study, name)
-    return tidy.assign(half_width=np.concatenate([half_width(answers, study, model, name) for model in models]))
+    return tidy.assign(half_width=np.concatenate([stated.half_width_of(model, name) for model in models]))
 
 
 def _quantities(answers: pd.DataFrame, study: SweepColumns) -> list[str]:
     """Return what can be drawn: columns without their model's name, and the columns themselves."""
     columns = [str(name) for name in answers if answers[name].dtype.kind in "fiu"]
     return list(dict.fromkeys([*(_model_of(name, study)[1] for name in columns), *columns]))
-
-
-def half_width(answers: pd.DataFrame, study: SweepColumns, model: str, quantity: str) -> pd.Series:
-    """Return the half width of the error of each value that a table states, in the unit of the quantity, or NaN.
-
-    An estimate is a relative error of the vector whose component the quantity is: that of the press force or of the
-    magnet's motion is of its magnitude, that of a force along the shear of the force along the plate. Models of
-    formulas, and readings, have none.
-    """
-    import pandas as pd
-
-    prefix = study.models.get(model, "")
-    if f"{prefix}{quantity}_half_width" in answers:
-        return answers[f"{prefix}{quantity}_half_width"]
-    every = [(part, each) for each in QUANTITIES.values() for part in each.parts]
-    asked, vector = next(((part, each.parts) for part, each in every if part.column == quantity), (None, ()))
-    if asked is None or not asked.estimate:
-        return pd.Series(np.nan, answers.index)
-    # of the press force the estimate is that of the whole vector, of forces along the shear that of their own
-    vector = vector if asked is vector[0] else tuple(part for part in vector if part.estimate == asked.estimate)
-    estimate = asked.estimate_column
-    # of a single model of finite elements the estimates have no name in front
-    column = f"{prefix}{estimate}" if f"{prefix}{estimate}" in answers else estimate
-    if study.is_formula(model) or column not in answers:
-        return pd.Series(np.nan, answers.index)
-    parts = [answers[f"{prefix}{part.column}"] for part in vector if f"{prefix}{part.column}" in answers]
-    return answers[column] * np.linalg.norm(parts, axis=0)

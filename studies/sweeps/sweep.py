@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from geometry.design import LAWS, BadInput, Design, no_numbers
 from geometry.loads import ANSWERED
 from geometry.messages import Progress
+from studies.answers import flat_rows, status_columns
 from studies.inputs import study_input, user_input
 from studies.inputs.user_input import Value
 from studies.mechanics import store as stores
@@ -43,8 +44,7 @@ from studies.output import atomic_files, console, table_files
 from studies.output.records import FlatRow
 from studies.output.result import Result, Table
 from studies.quantities import QUANTITIES
-from studies.sweeps.study_rows import Rows, Solved, flat_rows
-from studies.sweeps.sweep_columns import status_columns
+from studies.sweeps.study_rows import Rows, Solved
 
 if TYPE_CHECKING:
     from studies.inputs.option_groups import Sweep
@@ -139,7 +139,8 @@ def without_rows(plan: Plan) -> Columns:
     """Return the columns of a plan that has no case."""
     batch = Cases(plan).batch(np.arange(0))
     states: dict[str, list[Answer]] = {model.name: [] for model in plan.fem}
-    return Rows(plan).columns(batch, Solved(states, (), {name: [] for name in KINDS if name in plan.quantities}))
+    nothing = Solved(states, (), {name: [] for name in KINDS if name in plan.quantities})
+    return Rows(plan).answers(batch, nothing).wide()
 
 
 def _batches(plan: Plan, cases: Cases, solves: Solves | None) -> Iterator[tuple[Columns, NDArray[np.int64]]]:
@@ -149,7 +150,7 @@ def _batches(plan: Plan, cases: Cases, solves: Solves | None) -> Iterator[tuple[
         indices = np.arange(first, min(first + BATCH, plan.count))
         batch = cases.batch(indices)
         if solves is None:
-            yield rows.columns(batch, _solved(plan, batch, (), None)), indices
+            yield rows.answers(batch, _solved(plan, batch, (), None)).wide(), indices
             continue
         targets = [solves.targets(code, problem) for code, problem in zip(batch.codes, batch.problems, strict=True)]
         done = 0
@@ -160,7 +161,7 @@ def _batches(plan: Plan, cases: Cases, solves: Solves | None) -> Iterator[tuple[
             end = done + int(waiting[0]) if len(waiting) else len(indices)
             if end > done:
                 part = batch.part(done, end)
-                yield rows.columns(part, _solved(plan, part, targets, solves)), indices[done:end]
+                yield rows.answers(part, _solved(plan, part, targets, solves)).wide(), indices[done:end]
                 done = end
             else:
                 solves.wait(next(t.key for t in targets[batch.problem[done]].values() if not solves.is_solved(t.key)))

@@ -1,6 +1,6 @@
 """Figures of a sweep's table: quantities over its axes by all models, with their errors, for picture and page.
 
-What a column is, an axis or an answer of a model, the study says (`studies.sweeps.sweep_columns.SweepColumns`). The
+What a column is, an axis or an answer of a model, the study says (`studies.answers.SweepColumns`). The
 longest axis of numbers is horizontal, the next one has colours, or is the vertical axis of maps if it has many
 values; up to two more make panels. Axes without effect are named, and what would need too many panels is shown by its
 extremes. Each model has markers and dashes, or panels of maps, of its own. Sampled points are shown over each axis.
@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from geometry.arrays import Array
 from geometry.loads import ANSWERED
+from studies.answers import SweepColumns
 from studies.inputs import study_input
 from studies.mechanics.path_solver import KINDS
 from studies.mechanics.study_cases import Columns, Plan
@@ -31,7 +32,6 @@ from studies.output.maps import ERROR_EDGES, WIDE, heat, spots
 from studies.output.text_tables import quantity_name
 from studies.quantities import drawn_parts
 from studies.sweeps.answer_curves import Axes, curves, drawable
-from studies.sweeps.sweep_columns import SweepColumns
 
 if TYPE_CHECKING:
     import pandas as pd

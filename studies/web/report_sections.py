@@ -13,6 +13,7 @@ import numpy as np
 from geometry.bad_input import SolveFailed
 from geometry.design import BadInput, Design, paper
 from geometry.loads import ANSWERED, Load, Magnet
+from studies.answers import SweepColumns
 from studies.inputs import study_input, user_input
 from studies.mechanics.study_cases import load_of, varied
 from studies.output import deformed_body, provenance
@@ -21,7 +22,6 @@ from studies.sensitivity import uncertainty_figures
 from studies.simulation import comparison_figures, critical_depths, mesh_convergence, time_figures
 from studies.sizing import sizing_figures
 from studies.sweeps import sweep_figures
-from studies.sweeps.sweep_columns import SweepColumns
 from studies.web import folder_contents, paper_figures, state_pictures, verdict_figures
 from studies.web.folder_contents import Contents
 

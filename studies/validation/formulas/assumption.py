@@ -33,6 +33,7 @@ from analytic.parts import of_design
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.messages import Progress
+from studies.answers import flat_rows
 from studies.inputs.option_groups import Sweep, Whole
 from studies.mechanics.solve_plan import Processes
 from studies.mechanics.study_cases import Cases, Plan, varied
@@ -41,7 +42,6 @@ from studies.output.figures import COLOURS, LOG, Figure, panels, save, styles, t
 from studies.output.maps import heat
 from studies.output.result import Result, Table
 from studies.sweeps import sweep
-from studies.sweeps.study_rows import flat_rows
 from studies.validation import pages
 from studies.validation.pages import Row
 from studies.web.paper_figures import MARKED, QUANTITIES, body, cells, error_map, errors, map_cells
