@@ -124,7 +124,7 @@ def test_a_field_has_a_title_of_an_axis(copy):
 def test_a_field_is_in_the_list_of_a_design_with_its_words(copy):
     _, found = copy
     (row,) = (line.split() for line in found["values"][1].splitlines() if line.startswith("pad "))
-    assert row == ["pad", "2", "mm", "changed", *"thickness of a pad".split()]
+    assert row == ["pad", "2", "mm", "changed", "thickness", "of", "a", "pad"]
 
 
 def test_a_field_of_a_load_is_named_by_the_help_of_axes(copy):
