@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal, NoReturn
 
-import skfem
-
-from fem.model import angular_fields
-from fem.solve.direct_solver import UNKNOWN, Stability, Verdict
-from fem.solve.newton import Stop
-from geometry.arrays import Array, Ints
 from geometry.loads import Load, Response
+
+if TYPE_CHECKING:
+    import skfem
+
+    from fem.model import angular_fields
+    from fem.solve.newton import Stop
+    from geometry.arrays import Array, Ints
 
 CREASE = 2.4
 """Stretch normal to a free surface over the least one along it, from which on it creases (see
@@ -19,6 +20,62 @@ CREASE = 2.4
 
 RadiusSource = Literal["gap", "pressure", "area"]
 Status = Literal["ok", "unstable", "unknown", "not_converged", "no_contact"]
+Verdict = Literal["stable", "unstable", "unknown"]
+
+
+@dataclass(frozen=True, slots=True)
+class Stability:
+    """Number of unstable directions of an equilibrium; None where it is unknown.
+
+    It has no truth value, so that what is unknown cannot be taken for stable or unstable.
+
+    >>> Stability(0).verdict, Stability(2).verdict, UNKNOWN.verdict
+    ('stable', 'unstable', 'unknown')
+    >>> (Stability(1) + UNKNOWN).verdict
+    'unstable'
+    """
+
+    directions: int | None
+
+    @classmethod
+    def counted(cls, negative: int | None, pressures: int) -> Stability:
+        """Return the stability of a body with a number of pressures, from its number of negative eigenvalues.
+
+        With fewer negative eigenvalues than pressures the pivots cannot have been those of a saddle point.
+
+        >>> Stability.counted(7, 6), Stability.counted(5, 6), Stability.counted(None, 6)
+        (Stability(directions=1), Stability(directions=None), Stability(directions=None))
+        """
+        return UNKNOWN if negative is None or negative < pressures else cls(negative - pressures)
+
+    @property
+    def verdict(self) -> Verdict:
+        if self.directions is None:
+            return "unknown"
+        return "unstable" if self.directions else "stable"
+
+    @property
+    def is_stable(self) -> bool:
+        return self.verdict == "stable"
+
+    @property
+    def is_unstable(self) -> bool:
+        return self.verdict == "unstable"
+
+    @property
+    def is_unknown(self) -> bool:
+        return self.verdict == "unknown"
+
+    def __add__(self, second: Stability) -> Stability:
+        """Return the stability against the directions of both; one unstable direction is enough to know it."""
+        known = [each.directions for each in (self, second) if each.directions is not None]
+        return UNKNOWN if len(known) < 2 and not any(known) else Stability(sum(known))
+
+    def __bool__(self) -> NoReturn:
+        raise TypeError("a stability may be unknown: ask whether it is_stable, is_unstable or is_unknown")
+
+
+STABLE, UNKNOWN = Stability(0), Stability(None)
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,8 +18,7 @@ from fem.results.lateral_stiffness import StabilityMargin
 from fem.results.postprocess import read
 from fem.results.silicone_limits import VOLUME_SHARE, largest_strain
 from fem.scene import Scene
-from fem.solution import Facts
-from fem.solve.direct_solver import STABLE, Stability
+from fem.solution import STABLE, Facts, Stability
 from fem.solve.load_case_models import path_models
 from fem.solve.load_stepping import Path
 from fem.solve.newton import STOPPED

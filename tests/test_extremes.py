@@ -9,9 +9,8 @@ import pytest
 
 from fem.accuracy import QUICK
 from fem.equilibrium import solve
-from fem.solution import Facts
+from fem.solution import Facts, Stability
 from fem.solve import load_increments
-from fem.solve.direct_solver import Stability
 from geometry.design import LEAST_WALL, BadInput, Design, paper
 from geometry.loads import Load
 from studies.output.result import FAILED, GOOD

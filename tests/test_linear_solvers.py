@@ -7,8 +7,9 @@ import scipy.sparse.linalg as spla
 
 from fem.model.symmetry_models import MeshSpecification
 from fem.results.lateral_stiffness import SidewaysModel
+from fem.solution import STABLE, UNKNOWN, Stability
 from fem.solve import reduced_basis
-from fem.solve.direct_solver import STABLE, UNKNOWN, SingularMatrixError, Solver, Stability, have_pardiso
+from fem.solve.direct_solver import SingularMatrixError, Solver, have_pardiso
 from fem.solve.path_state import about
 from fem.solve.press import solve_press
 from fem.solve.reduced_basis import reduce

@@ -15,7 +15,7 @@ from fem.accuracy import QUICK
 from fem.analyses import modes, small_shear, stability
 from fem.analyses.vibration import vibrating_sensor
 from fem.equilibrium import trace
-from fem.solve.direct_solver import STABLE
+from fem.solution import STABLE
 from geometry.design import BadInput, paper
 from geometry.loads import Load
 from geometry.relaxation import Relaxation, relaxation_of

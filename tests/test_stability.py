@@ -15,9 +15,9 @@ from fem.model import element_assembly
 from fem.model.symmetry_models import MeshSpecification
 from fem.results.lateral_stiffness import SidewaysModel
 from fem.scene import Scene
-from fem.solution import Estimates
+from fem.solution import UNKNOWN, Estimates, Stability
 from fem.solve.active_set import ActiveSet, KeptTangent
-from fem.solve.direct_solver import UNKNOWN, Solver, Stability
+from fem.solve.direct_solver import Solver
 from fem.solve.load_stepping import Path, PathModels
 from fem.solve.path_state import about
 from fem.solve.press import solve_press

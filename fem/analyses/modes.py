@@ -32,8 +32,8 @@ from fem.results.error_estimates import error_rule, estimated, relative_error
 from fem.results.lateral_stiffness import SidewaysModel
 from fem.results.postprocess import read
 from fem.scene import Scene
-from fem.solution import Status
-from fem.solve.direct_solver import STABLE, Solver, Stability
+from fem.solution import STABLE, Stability, Status
+from fem.solve.direct_solver import Solver
 from fem.solve.newton import NoStateError
 from fem.solve.path_state import about
 from fem.solve.press import Press, find_press, reach_press

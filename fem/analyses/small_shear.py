@@ -22,8 +22,8 @@ from fem.results.error_estimates import LEAST_RADIUS, estimate_numbers, solve_co
 from fem.results.lateral_stiffness import integrate_normal_force
 from fem.results.postprocess import pose_slopes
 from fem.scene import Scene
-from fem.solution import NOT_ESTIMATED, Estimates, Status
-from fem.solve.direct_solver import UNKNOWN, Solver, Stability
+from fem.solution import NOT_ESTIMATED, UNKNOWN, Estimates, Stability, Status
+from fem.solve.direct_solver import Solver
 from fem.solve.path_state import about
 from fem.solve.press import find_press, reach_press
 from geometry.design import BadInput, Design

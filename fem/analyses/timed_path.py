@@ -36,10 +36,9 @@ from fem.model.viscoelasticity import ViscousLaw
 from fem.results.lateral_stiffness import SidewaysModel, StabilityMargin
 from fem.results.postprocess import reached_load, read
 from fem.scene import Model, Scene
-from fem.solution import Solution
+from fem.solution import STABLE, UNKNOWN, Solution
 from fem.solve import load_increments
 from fem.solve.active_set import KeptTangent
-from fem.solve.direct_solver import STABLE, UNKNOWN
 from fem.solve.load_case_models import path_models
 from fem.solve.load_increments import Reached, find_equilibrium, path_at
 from fem.solve.load_stepping import Path

@@ -43,7 +43,8 @@ import numpy as np
 from fem.model import plate_contact, single_order, symmetry_models
 from fem.model.plate_contact import Plate
 from fem.model.symmetry_models import Discretisation
-from fem.solve.direct_solver import STABLE, UNKNOWN, Solver, Stability
+from fem.solution import STABLE, UNKNOWN, Stability
+from fem.solve.direct_solver import Solver
 from fem.solve.path_state import PathState, about
 
 FAR, PAST = 0.5, -0.3

@@ -33,7 +33,8 @@ import numpy as np
 from fem.model import plate_contact
 from fem.model.nonlinear_system import Assembly, State, System
 from fem.model.plate_contact import Plate
-from fem.solve.direct_solver import UNKNOWN, Solver, Stability
+from fem.solution import UNKNOWN, Stability
+from fem.solve.direct_solver import Solver
 from geometry.arrays import Array, Ints, Mask
 
 MOST_POINTS, MOST_SOLID, MOST_ROUNDS, MOST_EXCHANGES, BLOCK_EXCHANGES = 600, 50, 4, 100, 3

@@ -25,8 +25,9 @@ from fem.model.coulomb_friction import Friction
 from fem.model.elements import Surface
 from fem.model.nonlinear_system import Assembly, State, System
 from fem.model.plate_contact import Plate, Springs
+from fem.solution import UNKNOWN, Stability
 from fem.solve.active_set import UNDAMPED
-from fem.solve.direct_solver import UNKNOWN, Solver, Stability, norm
+from fem.solve.direct_solver import Solver, norm
 from geometry.arrays import Array, Ints, Mask
 
 RINGS = 3

@@ -16,9 +16,8 @@ import functools
 import math
 import sys
 import weakref
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, NoReturn
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -26,6 +25,7 @@ import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
 
 from fem.model.sparse_pattern import nested_dissection
+from fem.solution import UNKNOWN, Stability
 from geometry.arrays import Array, Ints
 from geometry.bad_input import SolveFailed
 from geometry.compiled import compiled, threads
@@ -40,66 +40,9 @@ LARGEST_ERROR = 1e-2
 """Relative error of a known solution up to which factors in single precision serve. Newton's method corrects it with
 the next step; the paper's sensor has 1e-5 to 1e-4, and the error grows with the condition of the matrix."""
 
-Verdict = Literal["stable", "unstable", "unknown"]
-
 
 class SingularMatrixError(SolveFailed):
     """The factorisation met a zero or undefined pivot."""
-
-
-@dataclass(frozen=True, slots=True)
-class Stability:
-    """Number of unstable directions of an equilibrium; None where it is unknown.
-
-    It has no truth value, so that what is unknown cannot be taken for stable or unstable.
-
-    >>> Stability(0).verdict, Stability(2).verdict, UNKNOWN.verdict
-    ('stable', 'unstable', 'unknown')
-    >>> (Stability(1) + UNKNOWN).verdict
-    'unstable'
-    """
-
-    directions: int | None
-
-    @classmethod
-    def counted(cls, negative: int | None, pressures: int) -> Stability:
-        """Return the stability of a body with a number of pressures, from its number of negative eigenvalues.
-
-        With fewer negative eigenvalues than pressures the pivots cannot have been those of a saddle point.
-
-        >>> Stability.counted(7, 6), Stability.counted(5, 6), Stability.counted(None, 6)
-        (Stability(directions=1), Stability(directions=None), Stability(directions=None))
-        """
-        return UNKNOWN if negative is None or negative < pressures else cls(negative - pressures)
-
-    @property
-    def verdict(self) -> Verdict:
-        if self.directions is None:
-            return "unknown"
-        return "unstable" if self.directions else "stable"
-
-    @property
-    def is_stable(self) -> bool:
-        return self.verdict == "stable"
-
-    @property
-    def is_unstable(self) -> bool:
-        return self.verdict == "unstable"
-
-    @property
-    def is_unknown(self) -> bool:
-        return self.verdict == "unknown"
-
-    def __add__(self, second: Stability) -> Stability:
-        """Return the stability against the directions of both; one unstable direction is enough to know it."""
-        known = [each.directions for each in (self, second) if each.directions is not None]
-        return UNKNOWN if len(known) < 2 and not any(known) else Stability(sum(known))
-
-    def __bool__(self) -> NoReturn:
-        raise TypeError("a stability may be unknown: ask whether it is_stable, is_unstable or is_unknown")
-
-
-STABLE, UNKNOWN = Stability(0), Stability(None)
 
 
 class Solver:

@@ -14,9 +14,10 @@ import numpy as np
 
 from fem.model.nonlinear_system import Assembly, State, System
 from fem.model.plate_contact import Plate
+from fem.solution import UNKNOWN, Stability
 from fem.solve.active_set import UNDAMPED, ActiveSet, KeptTangent
 from fem.solve.condensed_friction import CondensedFriction
-from fem.solve.direct_solver import UNKNOWN, SingularMatrixError, Solver, Stability, norm
+from fem.solve.direct_solver import SingularMatrixError, Solver, norm
 from geometry.arrays import Array, Mask
 from geometry.bad_input import BadInput, SolveFailed
 

@@ -17,8 +17,7 @@ from fem.model.coulomb_friction import Friction
 from fem.model.plate_contact import KAPPA, SECTION_KAPPA, Bond, Plate
 from fem.model.symmetry_models import Discretisation, raise_harmonics
 from fem.scene import FIRST_TOUCH
-from fem.solution import CREASE
-from fem.solve.direct_solver import STABLE, UNKNOWN, Stability
+from fem.solution import CREASE, STABLE, UNKNOWN, Stability
 from geometry.arrays import Array
 
 CLAMP = 0.02

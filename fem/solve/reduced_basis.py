@@ -28,7 +28,8 @@ import scipy.linalg
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from fem.solve.direct_solver import Solver, Stability, multiply
+from fem.solution import Stability
+from fem.solve.direct_solver import Solver, multiply
 from geometry.arrays import Array, Ints
 from geometry.bad_input import SolveFailed
 
