@@ -45,6 +45,8 @@ beyond, it hardly decreases, or grows."""
 DEEP_RATIO, DEEP_SHARE = 3.3, 0.45
 """Largest depth of their scene deep, over that of press and over the silicone on the axis: the deepest presses of the
 study."""
+MOST_MODES = 40
+"""Largest number of natural frequencies that can be requested."""
 DIGITS = 12
 """Significant digits to which the numbers of two dimensionless scenes must agree to be the same."""
 
@@ -289,6 +291,13 @@ def press_limits(design: Design, magnet: Magnet) -> tuple[float, float]:
     rigid = magnet == "rigid"
     first = min(PRESS_DEPTH * design.D, PRESS_SHARE * (design.R - design.magnet_height / 2 if rigid else design.L))
     return first, min(DEEP_RATIO * first, DEEP_SHARE * silicone_on_axis(design, magnet))
+
+
+def check_glued(design: Design, depth: float, magnet: Magnet) -> None:
+    """Refuse a depth, mm, at which there is no contact area to shear."""
+    check_load(design, Load(depth=depth), magnet)
+    if not depth > 0:
+        raise BadInput(f"depth must be above 0 mm for a shear, which needs a contact area; got {depth:g} mm")
 
 
 def _check_path(loads: Sequence[Load]) -> None:

@@ -9,7 +9,7 @@ import skfem
 from conftest import ROUGH
 from scipy.optimize import brentq
 
-from analytic.oscillator import moving_mass, natural_frequency, receptance
+from analytic.oscillator import moving_mass, natural_frequency, receptance, spring_mass
 from fem.accuracy import QUICK, STANDARD
 from fem.analyses import modes
 from fem.model import angular_fields, elements
@@ -114,7 +114,7 @@ def test_the_rounded_magnet_has_the_mass_and_the_inertia_of_its_mesh():
     light = replace(ROUNDED, magnet_density=ROUNDED.density)
     silicone = math.pi * light.R**2 * (light.H + 2 / 3 * light.R)
     k = 1e3 * light.E * math.pi * light.R**2 / light.L
-    alone, with_magnet = modes.spring_mass(light)
+    alone, with_magnet = spring_mass(light)
     # the silicone in the edge of the magnet counts a third, as all silicone does
     heavier = (k / (2 * math.pi * with_magnet) ** 2 - k / (2 * math.pi * alone) ** 2) / (light.density * 1e-9)
     assert heavier == pytest.approx(2 / 3 * meshed_magnet()[0] * light.D**3, rel=1e-5)
@@ -142,7 +142,7 @@ def test_the_half_power_width_over_the_frequency_is_the_loss_factor(loss):
 def test_the_moving_mass_gives_the_natural_frequency_of_the_axial_spring_with_the_magnet():
     design = replace(paper(), magnet_height=3.0, density=1100.0)
     stiffness = design.E * math.pi * design.R**2 / design.L
-    assert natural_frequency(stiffness, moving_mass(design)) == pytest.approx(modes.spring_mass(design)[1], rel=1e-12)
+    assert natural_frequency(stiffness, moving_mass(design)) == pytest.approx(spring_mass(design)[1], rel=1e-12)
 
 
 def test_a_press_below_rounding_has_no_mesh_and_says_so(run):

@@ -16,7 +16,8 @@ from fem.analyses import modes, small_shear, stability
 from fem.analyses.vibration import vibrating_sensor
 from fem.equilibrium import trace
 from fem.solution import STABLE
-from geometry.design import BadInput, paper
+from fem.solve.newton import NoStateError
+from geometry.design import paper
 from geometry.loads import Load
 from geometry.relaxation import Relaxation, relaxation_of
 from studies.inputs.option_groups import Elements
@@ -48,11 +49,11 @@ def test_a_glued_tip_that_is_stable_says_what_a_free_one_does():
         (0.995, -1e-5, "it is not known whether the press is stable if the tip slides freely"),
         (1.2, -1e-3, "the straight press is unstable if the tip slides freely"),
     ):
-        shear = small_shear.SmallShear(stiffness, 0.5, 0.1, 1.0, 1.0, stability=STABLE)
-        status, message = critical_depths._stability_at(record, depth, shear)
+        record["stiffness_N_per_mm"] = stiffness
+        status, message = critical_depths._stability_at(record, depth, "ok")
         assert (status, "guided" in message) == ("ok", False)
         assert said in message
-    assert critical_depths._stability_at(record, 6.0, shear)[0] == "unstable"
+    assert critical_depths._stability_at(record, 6.0, "ok")[0] == "unstable"
 
 
 @pytest.mark.parametrize("depth", [0.999, 1.001])
@@ -66,9 +67,8 @@ def test_a_glued_tip_that_is_stable_says_what_a_free_one_does():
 def test_near_a_critical_depth_of_unknown_error_nothing_is_known(tip, depth, status, said):
     record = {"status": "ok", "critical_depth_mm": None, "critical_depth_error_estimate": None}
     record |= {"guided_critical_depth_mm": None, "guided_critical_depth_error_estimate": None}
-    record |= {"guided_stable_to_mm": 5.0, f"{tip}critical_depth_mm": 1.0}
-    shear = small_shear.SmallShear(1e-3, 0.5, 0.1, 1.0, 1.0, stability=STABLE)
-    found, message = critical_depths._stability_at(record, depth, shear)
+    record |= {"guided_stable_to_mm": 5.0, f"{tip}critical_depth_mm": 1.0, "stiffness_N_per_mm": 1e-3}
+    found, message = critical_depths._stability_at(record, depth, "ok")
     assert found == status
     assert said in message
 
@@ -84,7 +84,7 @@ def test_modes_are_named_and_judged(run, strict):
 
 def test_a_press_that_stops_is_a_failed_solve_that_keeps_what_was_found(run, strict, monkeypatch):
     def stops(*_, **__):
-        raise BadInput("the press stops at depth 6.2 mm: take a smaller depth")
+        raise NoStateError("the press stops at depth 6.2 mm: take a smaller depth")
 
     monkeypatch.setattr(stability, "critical", lambda *_, **__: stability.Critical(0.9, 1.0, 0.89, ""))
     monkeypatch.setattr(small_shear, "small_shear", stops)
@@ -98,13 +98,15 @@ def test_a_press_that_stops_is_a_failed_solve_that_keeps_what_was_found(run, str
         assert "take a smaller depth" in err
 
 
-def test_a_search_that_stops_or_a_tip_that_gives_way_is_not_ok(monkeypatch):
+def test_a_search_that_stops_or_a_tip_that_gives_way_is_not_ok(tmp_path, monkeypatch):
     def status(message, depth=None, stiffness=0.5):
+        file = tmp_path / f"{message}{depth}{stiffness}.sqlite"
         found = stability.Critical(None, None, 3.5, message)
         monkeypatch.setattr(stability, "critical", lambda *_, **__: found)
         shear = small_shear.SmallShear(stiffness, 0.5, 0.1, 1.0, 1.0, stability=STABLE)
         monkeypatch.setattr(small_shear, "small_shear", lambda *_, **__: shear)
-        (record,) = critical_depths.at_design(paper(), Elements(accuracy="quick"), depth, lambda *_: None).records
+        quick = Elements(accuracy="quick")
+        (record,) = critical_depths.at_design(paper(), quick, depth, file, lambda *_: None).records
         return record["status"], record["message"]
 
     assert status("")[0] == "ok"

@@ -12,7 +12,6 @@ from pathlib import Path
 
 import pytest
 
-from geometry.design import BadInput
 from studies.mechanics import store
 from studies.mechanics.store import State
 
@@ -126,15 +125,16 @@ def changed(file, statement, *values):
         ("path", 2),
     ],
 )
-def test_a_state_that_was_changed_in_the_file_is_refused(file, column, value):
+def test_a_state_that_was_changed_in_the_file_is_no_answer(file, column, value, capsys):
     with store.opened(file) as kept:
         kept.add(PATH, [PRESSED])
         kept.add(PATH | {"nu": 0.4}, [])
     text = "CAST(? AS TEXT)" if isinstance(value, bytes) else "?"
     changed(file, f"UPDATE state SET {column} = {text}", value)
     paths = [PATH | {"nu": 0.4}] if column == "path" else [PATH]
-    with store.opened(file) as kept, pytest.raises(BadInput, match="its digest does not match what it holds"):
-        kept.states(*paths)
+    with store.opened(file) as kept:
+        assert [kept.states(path) for path in paths] == [{}]
+    assert "its digest does not match what it holds" in capsys.readouterr().err
 
 
 def test_processes_that_make_one_store_at_once_all_keep_their_states(file):

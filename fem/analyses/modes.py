@@ -31,14 +31,14 @@ from fem.model.symmetry_models import Discretisation, specification
 from fem.results.error_estimates import error_rule, estimated, relative_error
 from fem.results.lateral_stiffness import SidewaysModel
 from fem.results.postprocess import read
-from fem.scene import Scene
+from fem.scene import MOST_MODES, Scene
 from fem.solution import STABLE, Stability, Status
 from fem.solve.direct_solver import Solver
 from fem.solve.newton import NoStateError
 from fem.solve.path_state import about
 from fem.solve.press import Press, find_press, reach_press
 from geometry.arrays import Array
-from geometry.cad import beam_volume, magnet_inertia, magnet_volume
+from geometry.cad import magnet_inertia, magnet_volume
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Magnet
 
@@ -46,8 +46,6 @@ __all__ = ["Modes", "modes"]
 
 SHAPES = ("axial", "bending", "ovalling")
 """Names of harmonics 0, 1, 2."""
-MOST = 40
-"""Largest number of modes that can be requested."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,8 +84,8 @@ def modes(
     BadInput
         The count or the depth is out of range, or the press does not reach the depth or is unstable there.
     """
-    if not 1 <= count <= MOST:
-        raise BadInput(f"count must be between 1 and {MOST}; got {count}")
+    if not 1 <= count <= MOST_MODES:
+        raise BadInput(f"count must be between 1 and {MOST_MODES}; got {count}")
     scene = Scene(design, (Load(depth=depth),), accuracy, magnet)
     find = functools.partial(_solve_modes, count=count, told=scene, edge=find_contact(scene))
     return estimated(scene, find, estimate_frequencies) if estimate else find(scene)
@@ -160,18 +158,6 @@ def refuse_unstable(stability: Stability, depth: float) -> None:
 def frequency_unit(design: Design) -> float:
     """Return the frequency at which omega D (rho / E)^(1/2) is 1, Hz; inputs in mm, MPa and kg/m^3."""
     return math.sqrt(1e6 * design.E_now / design.density) / (1e-3 * design.D) / (2 * math.pi)
-
-
-def spring_mass(design: Design) -> tuple[float, float]:
-    """Return the frequencies of a mass on an axial spring, Hz, without and with the magnet's mass.
-
-    The frequency is sqrt(k / m) / 2 pi with k = E A / L and a third of the silicone's mass (Rayleigh's rod). Without
-    the magnet it is the paper's "approximately 970 Hz" (section IV.C), as we read it.
-    """
-    volume, core = beam_volume(design.shape), magnet_volume(design.shape)
-    k = 1e3 * design.E_now * math.pi * design.R**2 / design.L
-    light, heavy = design.density * volume / 3, design.density * (volume - core) / 3 + design.magnet_density * core
-    return math.sqrt(k / (light * 1e-9)) / (2 * math.pi), math.sqrt(k / (heavy * 1e-9)) / (2 * math.pi)
 
 
 def find_contact(scene: Scene) -> float | None:

@@ -21,13 +21,13 @@ from fem.model.symmetry_models import specification
 from fem.results.error_estimates import LEAST_RADIUS, estimate_numbers, solve_coarser
 from fem.results.lateral_stiffness import integrate_normal_force
 from fem.results.postprocess import pose_slopes
-from fem.scene import Scene
+from fem.scene import Scene, check_glued
 from fem.solution import NOT_ESTIMATED, UNKNOWN, Estimates, Stability, Status
 from fem.solve.direct_solver import Solver
 from fem.solve.path_state import about
 from fem.solve.press import find_press, reach_press
-from geometry.design import BadInput, Design
-from geometry.loads import Load, Magnet, check_load
+from geometry.design import Design
+from geometry.loads import Load, Magnet
 
 __all__ = ["SmallShear", "small_shear"]
 
@@ -93,7 +93,7 @@ def small_shear(
         The depth is not positive or out of range, the design has no magnet to be rigid, or the press does not
         reach the depth.
     """
-    check_depth(design, depth, magnet)
+    check_glued(design, depth, magnet)
     scene = Scene(design, (Load(depth=depth),), accuracy, magnet)
     rough = specification(scene, max(ROUGH, accuracy.section_size))
     edge = find_press(rough, EDGE * accuracy.section_patch, depth / design.D)
@@ -139,10 +139,3 @@ def _solve_small_shear(scene: Scene, edge: float) -> SmallShear:
         contact_radius=plate_contact.contact_radius(pressed.skin, pressed.u, pressed.plate) * D,
         stability=solver.stability(turned.d.system.n_pressure),
     )
-
-
-def check_depth(design: Design, depth: float, magnet: Magnet) -> None:
-    """Refuse a depth, mm, at which there is no contact area to shear."""
-    check_load(design, Load(depth=depth), magnet)
-    if not depth > 0:
-        raise BadInput(f"depth must be above 0 mm for a shear, which needs a contact area; got {depth:g} mm")

@@ -12,7 +12,7 @@ from cyclopts import Parameter
 from geometry.design import BadInput, Design
 from studies.cli.parameters import Call, say_if_without_magnet, verb
 from studies.inputs import option_groups, user_input
-from studies.inputs.option_groups import Body, Depth, Elements, Shear, ShearY, Wanted, Whole
+from studies.inputs.option_groups import Body, Depth, Elements, Shear, ShearY, StoreFile, Wanted, Whole
 from studies.inputs.user_input import say_no_effect
 from studies.output import atomic_files, console
 from studies.output.result import Result, failure_of, publish, show
@@ -132,6 +132,7 @@ def stability(
     depth: Depth | None = None,
     elements: Elements = Elements(),
     slenderness: str | None = None,
+    store: StoreFile | None = None,
 ) -> int:
     """Compute the depth at which a press buckles sideways; with --depth also the response to a small shear.
 
@@ -143,6 +144,7 @@ def stability(
     from studies.simulation import critical_depths
 
     design = call.design(elements.magnet)
+    atomic_files.check_apart([store], [call.source])
     if slenderness is not None:
         if depth is not None:
             raise BadInput("--depth and --slenderness exclude each other: give only one")
@@ -150,10 +152,10 @@ def stability(
             say_no_effect("L", "the lengths come from --slenderness")
         ratios = _slenderness_of(slenderness, design)
         here = call.here(critical_depths.FILES)
-        return publish(partial(critical_depths.over_slenderness, design, elements, ratios), here)
+        return publish(partial(critical_depths.over_slenderness, design, elements, ratios, store), here)
     if call.out is not None:
         raise BadInput("--out works with --slenderness only: add --slenderness 1,2,3")
-    return publish(partial(critical_depths.at_design, design, elements, depth), call.here())
+    return publish(partial(critical_depths.at_design, design, elements, depth, store), call.here())
 
 
 def _slenderness_of(text: str, design: Design) -> list[float]:
@@ -178,6 +180,7 @@ def modes(
     count: Whole = 8,
     depth: Depth = 0.0,
     elements: Elements = Elements(),
+    store: StoreFile | None = None,
 ) -> int:
     """Compute natural frequencies and mode shapes of the sensor, free or pressed against a plate to which it sticks.
 
@@ -189,7 +192,8 @@ def modes(
     from studies.simulation import vibration_report
 
     design = call.design(elements.magnet)
-    study = partial(vibration_report.natural_frequencies, design, count, depth, elements)
+    atomic_files.check_apart([store], [call.source])
+    study = partial(vibration_report.natural_frequencies, design, count, depth, elements, store)
     return publish(study, call.here())
 
 

@@ -14,8 +14,9 @@ The body is one of revolution. So without a tilted plate and without an imperfec
 matter: all shears are solved along x, and `Place.direction` turns the answer. Tetrahedra of the whole body (model
 full) are no exact body of revolution, and keep the direction.
 
-Four more quantities are stored, each as a path with a single state: the critical depth of a design, its natural
-frequencies about a press, and its vibration and cycles (`timed_quantities`).
+More quantities are stored, each as a path with a single state: the critical depth of a design with a free or a
+guided tip, a small shear and the natural frequencies about a press, and its vibration and cycles
+(`timed_quantities`).
 
 An answer holds the D and E of the design that was solved, and `Answer.of` scales it to a similar one. A `Task` is all
 that is missing of one path; a worker process solves it, and returns its states for the store.
@@ -28,7 +29,7 @@ import functools
 import math
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 from fem.physics_version import ESTIMATES, PHYSICS
@@ -45,12 +46,14 @@ from studies.quantities import QUANTITIES, Path, stored_parts, stored_values
 if TYPE_CHECKING:
     from fem.solution import Solution
 
-Kind = Literal["states"] | Path
+Kind = Literal["states", "small shear"] | Path
 """What a path holds."""
 KINDS: dict[str, Kind] = {name: each.path for name, each in QUANTITIES.items() if each.path}
 """Quantities that are paths of their own in the store."""
 MODES = 6
-"""Number of natural frequencies that are solved and stored."""
+"""Number of natural frequencies that sweeps solve for."""
+PRESSED: tuple[Kind, ...] = ("critical depth", "small shear", "modes")
+"""Kinds that are about a frictionless press."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,6 +63,7 @@ class Place:
     scene : the case as it is solved, with a single load.
     direction : direction of the case's shear, to which the answer is turned.
     motion : of the plate, of cycles only; other answers do not depend on it.
+    options : what else is asked: "guided" (True) of a critical depth, "count" of modes.
     """
 
     scene: Scene
@@ -67,6 +71,7 @@ class Place:
     at: Position
     direction: tuple[float, float] = (1.0, 0.0)
     motion: PlateMotion = STILL
+    options: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def content(self) -> dict[str, Any]:
@@ -81,10 +86,17 @@ class Place:
         loads, load = values.pop("loads"), scene.loads[0]
         first = loads[0]
         if kind == "critical depth":
-            return values | {"quantity": kind, "physics": PHYSICS[kind]}
+            return values | {"quantity": kind, "physics": PHYSICS[kind], **self.options}
+        if kind == "small shear":
+            return values | {"quantity": kind, "load": {"depth": first["depth"]}, "physics": PHYSICS[scene.model]}
         if kind == "modes":
             ratio = scene.design.magnet_density / scene.design.density if scene.magnet == "rigid" else 0.0
-            pressed = {"depth": first["depth"], "density_ratio": float(f"{ratio:.12g}"), "count": MODES}
+            pressed = {
+                "depth": first["depth"],
+                "density_ratio": float(f"{ratio:.12g}"),
+                "count": MODES,
+                **self.options,
+            }
             return values | {"quantity": kind, "load": pressed, "physics": PHYSICS[kind]}
         kept = {name: first[name] for name in ("friction", "grip", "plate_tilt", "imperfection")}
         way = {
@@ -94,14 +106,17 @@ class Place:
         return values | {"quantity": kind, "load": kept | way, "physics": PHYSICS[scene.model]}
 
 
-def place(scene: Scene, kind: Kind = "states", motion: PlateMotion = STILL) -> Place:
-    """Return where the answer of a scene with a single load is stored."""
+def place(
+    scene: Scene, kind: Kind = "states", motion: PlateMotion = STILL, options: Mapping[str, Any] | None = None
+) -> Place:
+    """Return where the answer of a scene with a single load is stored; `options` as in `Place`."""
     (load,) = scene.loads
     D = scene.design.D
-    if kind in ("critical depth", "modes"):
+    if kind in PRESSED:
         # the load of a critical depth does not matter; any depth that fits every beam stands for it
         pressed = Load(depth=0.01 * D if kind == "critical depth" else load.depth)
-        return Place(replace(scene, loads=(pressed,), model="axisymmetric"), kind, (0.0, 0.0))
+        pressing = replace(scene, loads=(pressed,), model="axisymmetric")
+        return Place(pressing, kind, (0.0, 0.0), options=options or {})
     if kind == "states":
         alone, direction = _canonical(scene, load)
         return Place(replace(scene, loads=(alone,)), kind, position_of(alone, D), direction)
@@ -199,6 +214,7 @@ class Task:
     number : number of the path in its study, from 1.
     scene : the missing states as loads, in rising order; their design is that of the path's first case.
     solved : positions of the path that are stored already, from which smaller steps can start.
+    options : as in `Place`.
     ratios : whether each press gets its sideways stiffness (`fem.equilibrium.trace`), a third of its time.
     """
 
@@ -208,6 +224,7 @@ class Task:
     solved: tuple[Position, ...] = ()
     motion: PlateMotion = STILL
     ratios: bool = False
+    options: Mapping[str, Any] = field(default_factory=dict)
 
 
 def task(
@@ -215,7 +232,7 @@ def task(
 ) -> Task:
     """Return the solve of some positions of a path, of which others have been `reached` before."""
     if path.kind != "states":
-        return Task(number, path.scene, path.kind, motion=path.motion)
+        return Task(number, path.scene, path.kind, motion=path.motion, options=path.options)
     D, load = path.scene.design.D, path.scene.loads[0]
     scene = replace(path.scene, loads=tuple(_at(load, at, D) for at in positions))
     return Task(number, scene, path.kind, tuple(reached), ratios=ratios)
@@ -319,28 +336,32 @@ def _stored(
     answer: dict[str, Any],
     seconds: float = 0.0,
     motion: PlateMotion = STILL,
+    options: Mapping[str, Any] | None = None,
 ) -> State:
     """Return a state with its answer and what was solved; the only one of a path has no load of its own."""
     at = (0.0, 0.0) if load is None else position_of(load, scene.design.D)
-    solved = problem_of(scene.design, load or scene.loads[0], motion)
+    solved = problem_of(scene.design, load or scene.loads[0], motion, options)
     return State(*at, outcome, status, solved | answer, seconds, _origin())
 
 
-def problem_of(design: Design, load: Load, motion: PlateMotion) -> dict[str, Any]:
+def problem_of(
+    design: Design, load: Load, motion: PlateMotion, options: Mapping[str, Any] | None = None
+) -> dict[str, Any]:
     """Return what was solved, as JSON: D and E, which scale answers to similar designs, and all fields that differ
     from the defaults, by which `store check` solves it again."""
     fields = {
         name: {f.name: v for f in dataclasses.fields(of) if (v := getattr(of, f.name)) != f.default}
         for name, of in (("design", design), ("load", load), ("motion", motion))
     }
-    return {"D_mm": design.D, "E_MPa": design.E_now, "solved": fields}
+    return {"D_mm": design.D, "E_MPa": design.E_now, "solved": fields | ({"options": dict(options)} if options else {})}
 
 
 def unsolved(task: Task, reason: str) -> list[State]:
     """Return the states of a task that has no answer because its process died."""
     loads = task.scene.loads if task.kind == "states" else (None,)
     answer = {"response": None, "error_estimate": None, "message": reason}
-    return [_stored(task.scene, load, "transient", "worker_died", answer, motion=task.motion) for load in loads]
+    more: dict[str, Any] = {"motion": task.motion, "options": task.options}
+    return [_stored(task.scene, load, "transient", "worker_died", answer, **more) for load in loads]
 
 
 def _single(task: Task) -> State:
@@ -351,10 +372,10 @@ def _single(task: Task) -> State:
         status, message = values.pop("status"), values.pop("message")
     except SolveFailed as error:
         values, result, message = {}, "failed", str(error)
-        status = "not_converged" if task.kind == "critical depth" else "failed"
+        status = "not_converged" if task.kind in ("critical depth", "small shear") else "failed"
     answer = {"response": None, "error_estimate": values.pop("error_estimate", None), "message": message}
     answer |= {"values": values}
-    return _stored(task.scene, None, result, status, answer, time.perf_counter() - begin, task.motion)
+    return _stored(task.scene, None, result, status, answer, time.perf_counter() - begin, task.motion, task.options)
 
 
 def _critical(task: Task) -> dict[str, Any]:
@@ -362,14 +383,36 @@ def _critical(task: Task) -> dict[str, Any]:
 
     design = task.scene.design
     D, unit = design.D, design.E_now * design.D**2
-    state = stability.critical(design, task.scene.magnet, accuracy=task.scene.accuracy)
+    guided = bool(task.options.get("guided", False))
+    state = stability.critical(design, task.scene.magnet, guided=guided, accuracy=task.scene.accuracy)
     return {
         "critical_depth_over_D": None if state.depth is None else state.depth / D,
         "critical_force_over_ED2": None if state.force is None else state.force / unit,
         "stable_to_over_D": state.stable_to / D,
+        "force_error_estimate": state.estimates.force,
         "error_estimate": state.estimates.depth,
         "status": "ok",
         "message": state.message,
+    }
+
+
+def _small_shear(task: Task) -> dict[str, Any]:
+    """Return the response to a small shear about a press, per length of it: stiffness over E D, tilt times D."""
+    from fem.analyses import small_shear
+
+    scene, design = task.scene, task.scene.design
+    D, E = design.D, design.E_now
+    found = small_shear.small_shear(design, scene.loads[0].depth, scene.magnet, accuracy=scene.accuracy)
+    names = ("force", "contact_radius", "stiffness", "shift", "tilt")
+    return {
+        "force_over_ED2": found.force / (E * D**2),
+        "contact_radius_over_D": found.contact_radius / D,
+        "stiffness_over_ED": found.stiffness / (E * D),
+        "shift": found.shift,
+        "tilt_times_D": found.tilt * D,
+        **{f"{name}_error_estimate": getattr(found.estimates, name) for name in names},
+        "status": found.status,
+        "message": "",
     }
 
 
@@ -378,10 +421,11 @@ def _modes(task: Task) -> dict[str, Any]:
     from fem.analyses.modes import modes
 
     scene, design = task.scene, task.scene.design
-    lowest = modes(design, scene.magnet, MODES, depth=scene.loads[0].depth, accuracy=scene.accuracy)
+    count = int(task.options.get("count", MODES))
+    lowest = modes(design, scene.magnet, count, depth=scene.loads[0].depth, accuracy=scene.accuracy)
     unit = frequency_unit(design.D, design.E_now, design.density)
     values = {"frequency": [f / unit for f in lowest.frequency], "shape": list(lowest.shape)}
-    return values | {"status": lowest.status, "message": lowest.message}
+    return values | {"estimates": list(lowest.estimates), "status": lowest.status, "message": lowest.message}
 
 
 def frequency_unit(D: float, E: float, density: float) -> float:
@@ -424,6 +468,7 @@ def answer(state: State, edge: float) -> Answer:
 
 SINGLE: dict[Kind, Callable[[Task], dict[str, Any]]] = {
     "critical depth": _critical,
+    "small shear": _small_shear,
     "modes": _modes,
     "response": lambda task: timed_quantities.solve_response(task.scene),
     "cycle": lambda task: timed_quantities.solve_cycle(task.scene, task.motion),

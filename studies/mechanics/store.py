@@ -32,7 +32,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from geometry.design import BadInput
-from studies.output import atomic_files
+from studies.output import atomic_files, console
 
 DIGITS = 12
 """Decimal places of lengths over D: positions that agree to these are equal. Rounding errors are about 1e-16."""
@@ -171,7 +171,7 @@ class Store:
         self.file, self._connection = file, connection
 
     def states(self, content: Content) -> dict[Position, State]:
-        """Return all states of a path by their positions."""
+        """Return all states of a path by their positions; those that are damaged are left out, with a warning."""
         path = key(content)
         with refusals(self.file):
             rows = self._connection.execute(
@@ -179,9 +179,9 @@ class Store:
             ).fetchall()
         states = [stored(path, row) for row in rows]
         if None in states:
-            raise BadInput(
+            console.warn(
                 f"a state in the store {str(self.file)!r} is damaged, since its digest does not match what it holds: "
-                "magtip store check says what to do"
+                "it is solved again where it is needed (magtip store check says what else is damaged)"
             )
         return {state.position: state for state in states if state is not None}
 
@@ -236,10 +236,11 @@ def default() -> Path:
 
 
 @contextlib.contextmanager
-def opened(file: Path | str) -> Iterator[Store]:
-    """Open a store; a file that does not exist is made."""
-    with writable(Path(file)) as connection:
-        yield Store(Path(file), connection)
+def opened(file: Path | str | None) -> Iterator[Store]:
+    """Open a store, default: the user's; a file that does not exist is made."""
+    path = Path(file or default())
+    with writable(path) as connection:
+        yield Store(path, connection)
 
 
 # The file

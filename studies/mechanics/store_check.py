@@ -175,7 +175,8 @@ def problem(content: Content, state: State) -> path_solver.Place:
         content["magnet"],
         content["model"],
     )
-    return path_solver.place(scene, content["quantity"], PlateMotion(**fields["motion"]))
+    motion, options = PlateMotion(**fields["motion"]), fields.get("options")
+    return path_solver.place(scene, content["quantity"], motion, options)
 
 
 def _numbers(answer: Mapping[str, Any]) -> list[list[float]]:

@@ -7,6 +7,7 @@ to `stable_to_mm`. A search that ended before its last depth leaves the status u
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
@@ -14,10 +15,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from analytic import buckling
+from fem.scene import Scene, check_glued
+from geometry.bad_input import SolveFailed
 from geometry.design import BadInput, Design
-from geometry.loads import Magnet
+from geometry.loads import Load
 from geometry.messages import Progress
 from studies.inputs.option_groups import Elements
+from studies.mechanics import store as stores
+from studies.mechanics.path_solver import Answer, place
+from studies.mechanics.store import Store
+from studies.mechanics.stored_answers import asked
 from studies.output import page_templates
 from studies.output.figures import LOG, Figure, long, numbers, picture, styles
 from studies.output.records import FlatRow
@@ -25,9 +32,6 @@ from studies.output.result import Interrupted, Result, Table, failure_of
 
 if TYPE_CHECKING:
     import pandas as pd
-
-    from fem.accuracy import Accuracy
-    from fem.analyses.small_shear import SmallShear
 
 FORMULAS = {"euler": buckling.euler, "engesser": buckling.engesser, "haringx": buckling.haringx}
 """Buckling loads of a column with a free tip."""
@@ -58,16 +62,23 @@ NEAR = 0.1
 """Relative difference up to which the report calls a formula close to the finite elements."""
 
 
-def at_design(design: Design, elements: Elements, depth: float | None, progress: Progress) -> Result:
-    """Find the critical depths of a free and of a guided tip; at a depth, mm, also solve a small shear."""
-    from fem.analyses import small_shear
+def at_design(
+    design: Design, elements: Elements, depth: float | None, store: Path | None, progress: Progress
+) -> Result:
+    """Find the critical depths of a free and of a guided tip; at a depth, mm, also solve a small shear.
 
-    level, magnet = elements.level, elements.magnet
+    `store`: file that keeps what is solved; default: the user's.
+    """
     # a depth out of range is refused here, before the searches, which take seconds
     if depth is not None:
-        small_shear.check_depth(design, depth, magnet)
+        check_glued(design, depth, elements.magnet)
+    with stores.opened(store) as states:
+        return _at_design(design, elements, depth, states, progress)
+
+
+def _at_design(design: Design, elements: Elements, depth: float | None, store: Store, progress: Progress) -> Result:
     haringx = buckling.haringx(design)
-    verdict, free, guided = _searches(design, magnet, level, progress)
+    verdict, free, guided = _searches(design, elements, store, progress)
     texts: FlatRow = {}
     record: FlatRow = {
         **verdict,
@@ -80,14 +91,12 @@ def at_design(design: Design, elements: Elements, depth: float | None, progress:
     }
     if depth is not None:
         progress(0.8, f"shear at depth {depth:g} mm")
-        try:
-            shear = small_shear.small_shear(design, depth, magnet, accuracy=level)
-        except BadInput as error:
-            status, sentence = "not_converged", str(error)
-            record |= _small_shear(depth, None)
-        else:
-            status, sentence = _stability_at(record, depth, shear)
-            record |= _small_shear(depth, shear)
+        scene = Scene(design, (Load(depth=depth),), elements.level, elements.magnet)
+        shear = asked(place(scene, "small shear"), store)
+        record |= _small_shear(depth, shear)
+        status, sentence = shear.status, shear.message
+        if shear.values:
+            status, sentence = _stability_at(record, depth, status)
         record |= {"status": status, "message": _joined(record["message"], sentence)}
     for tip in ("", "guided_"):
         if record[f"{tip}critical_depth_mm"] is None:
@@ -101,17 +110,23 @@ def _joined(*sentences: str) -> str:
 
 
 def _searches(
-    design: Design, magnet: Magnet, level: Accuracy, progress: Progress | None = None
+    design: Design, elements: Elements, store: Store, progress: Progress | None = None
 ) -> tuple[FlatRow, FlatRow, FlatRow]:
     """Return status and message of both searches, and the columns of a free and of a guided tip."""
-    from fem.analyses import stability
-
+    D, unit = design.D, design.E_now * design.D**2
+    scene = Scene(design, (Load(),), elements.level, elements.magnet)
     found, columns = [], []
     for share, guided in ((0.0, False), (0.4, True)):
         if progress is not None:
             progress(share, f"{'guided' if guided else 'free'} tip")
-        one = stability.critical(design, magnet, guided=guided, accuracy=level)
-        values = (one.depth, one.force, one.stable_to, one.estimates.depth, one.estimates.force)
+        where = place(scene, "critical depth", options={"guided": True} if guided else None)
+        one = asked(where, store, ["force_error_estimate"])
+        if not one.values:
+            raise SolveFailed(one.message)
+        scales = {"critical_depth_over_D": D, "critical_force_over_ED2": unit, "stable_to_over_D": D}
+        sizes = [None if (size := one.values[name]) is None else scale * size for name, scale in scales.items()]
+        error = None if math.isnan(one.error_estimate) else one.error_estimate
+        values = (*sizes, error, one.values["force_error_estimate"])
         columns.append({f"{'guided_' * guided}{name}": value for name, value in zip(CRITICAL, values, strict=True)})
         found.append(one)
     # both searches may end for the same reason, which is then named once
@@ -119,28 +134,35 @@ def _searches(
     return {"status": "unknown" if message else "ok", "message": message}, columns[0], columns[1]
 
 
-def _small_shear(depth: float, shear: SmallShear | None) -> FlatRow:
+def _small_shear(depth: float, shear: Answer) -> FlatRow:
     """Return the columns of a small shear per mm of it; all but the depth is None if the press does not get there.
 
     `force_N` is that of the press alone.
     """
+    values, D, E = shear.values, shear.D, shear.E
+    scales = {
+        "force_over_ED2": E * D**2,
+        "contact_radius_over_D": D,
+        "stiffness_over_ED": E * D,
+        "tilt_times_D": 1 / D,
+    }
+    found = {name: scales.get(name, 1.0) * value for name, value in values.items() if value is not None}
+    force = found.get("force_over_ED2")
+    estimates = [f"{name}_error_estimate" for name in ("force", "contact_radius", "stiffness", "shift", "tilt")]
     return {
         "depth_mm": depth,
-        "force_N": shear and [0.0, 0.0, shear.force],
-        "contact_radius_mm": shear and shear.contact_radius,
-        "stiffness_N_per_mm": shear and shear.stiffness,
-        "shift_per_mm": shear and shear.shift,
-        "tilt_rad_per_mm": shear and shear.tilt,
-        "force_error_estimate": shear and shear.estimates.force,
-        "contact_radius_error_estimate": shear and shear.estimates.contact_radius,
-        "stiffness_error_estimate": shear and shear.estimates.stiffness,
-        "shift_error_estimate": shear and shear.estimates.shift,
-        "tilt_error_estimate": shear and shear.estimates.tilt,
+        "force_N": None if force is None else [0.0, 0.0, force],
+        "contact_radius_mm": found.get("contact_radius_over_D"),
+        "stiffness_N_per_mm": found.get("stiffness_over_ED"),
+        "shift_per_mm": found.get("shift"),
+        "tilt_rad_per_mm": found.get("tilt_times_D"),
+        **{name: found.get(name) for name in estimates},
     }
 
 
-def _stability_at(record: FlatRow, depth: float, shear: SmallShear) -> tuple[str, str]:
-    """Return status and message of a small shear: the search for the guided critical depth and the shear judge it.
+def _stability_at(record: FlatRow, depth: float, shear: str) -> tuple[str, str]:
+    """Return status and message of a small shear, whose own status is `shear`: the search for the guided critical
+    depth and the shear judge it.
 
     Within the estimated error of a critical depth nothing is known, and of an unknown error at no depth.
     """
@@ -148,9 +170,9 @@ def _stability_at(record: FlatRow, depth: float, shear: SmallShear) -> tuple[str
     free, guided, limit = (record[name] for name in names)
     near = _is_near(depth, guided, record["guided_critical_depth_error_estimate"])
     here, glued = f"at depth {depth:g} mm", "stiffness, shift and tilt hold for a tip that sticks to the plate"
-    if shear.status == "unstable" or (guided is not None and depth > guided and not near):
+    if shear == "unstable" or (guided is not None and depth > guided and not near):
         return "unstable", f"{here} the straight press is unstable even with a guided tip"
-    if near or shear.status == "unknown":
+    if near or shear == "unknown":
         return "unknown", f"{here} it is not known whether the press is stable even with a guided tip"
     if depth > limit:
         return "unknown", f"{here} stability is unknown: the search ended at {limit:.4g} mm"
@@ -160,7 +182,7 @@ def _stability_at(record: FlatRow, depth: float, shear: SmallShear) -> tuple[str
         return record["status"], doubt
     if free is not None and depth > free:
         return record["status"], f"{here} the straight press is unstable if the tip slides freely: {glued}"
-    if not shear.stiffness > 0:
+    if not record["stiffness_N_per_mm"] > 0:
         return "unknown", f"{here} the tip pushes along the shear, though no critical depth was found down to there"
     return record["status"], ""
 
@@ -170,7 +192,9 @@ def _is_near(depth: float, critical: float | None, error: float | None) -> bool:
     return critical is not None and (error is None or abs(depth / critical - 1) <= error)
 
 
-def over_slenderness(design: Design, elements: Elements, slenderness: Sequence[float], progress: Progress) -> Result:
+def over_slenderness(
+    design: Design, elements: Elements, slenderness: Sequence[float], store: Path | None, progress: Progress
+) -> Result:
     """Find the critical depths of a free and of a guided tip at each L/D, one row each, beside the formulas.
 
     A row of a length that the design refuses has the status refused and no numbers. Ctrl-C leaves the rows that are
@@ -182,9 +206,10 @@ def over_slenderness(design: Design, elements: Elements, slenderness: Sequence[f
     first = ("L_over_D", "status", "critical_depth_mm", "critical_force_N")
     table = Table(title="Stability over slenderness", rows=rows, first=first, places=("L_over_D",))
     try:
-        for i, ratio in enumerate(slenderness):
-            progress(i / len(slenderness), f"L/D = {ratio:g}")
-            rows.append(_row(design, elements, ratio))
+        with stores.opened(store) as states:
+            for i, ratio in enumerate(slenderness):
+                progress(i / len(slenderness), f"L/D = {ratio:g}")
+                rows.append(_row(design, elements, ratio, states))
     except KeyboardInterrupt:
         text = f"{len(rows)} of {len(slenderness)} lengths are complete, and no file is written"
         raise Interrupted(text, Result(title=table.title, records=rows, shown=[table])) from None
@@ -199,13 +224,13 @@ def over_slenderness(design: Design, elements: Elements, slenderness: Sequence[f
     )
 
 
-def _row(design: Design, elements: Elements, ratio: float) -> FlatRow:
+def _row(design: Design, elements: Elements, ratio: float, store: Store) -> FlatRow:
     length = ratio * design.D
     row: FlatRow = {"L_over_D": ratio, "L_mm": length, "magnet": elements.magnet, "status": "refused"}
     row |= {**dict.fromkeys(COLUMNS), "message": ""}
     try:
         beam = replace(design, L=length, l0=length)
-        verdict, free, guided = _searches(beam, elements.magnet, elements.level)
+        verdict, free, guided = _searches(beam, elements, store)
         loads = {name: load(beam) for name, load in FORMULAS.items()}
         depths = {f"{name}_depth_mm": buckling.depth(beam, load) for name, load in loads.items()}
     except BadInput as error:

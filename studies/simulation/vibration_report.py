@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from analytic.oscillator import moving_mass, natural_frequency, receptance
+from analytic.oscillator import moving_mass, natural_frequency, receptance, spring_mass
+from fem.scene import MOST_MODES, Scene
 from geometry.arrays import Array
 from geometry.bad_input import SolveFailed
 from geometry.design import BadInput, Design
@@ -24,7 +25,10 @@ from geometry.messages import Progress
 from geometry.relaxation import Relaxation, check_range, relaxation_notes
 from studies.inputs.option_groups import Elements, Vibration
 from studies.mechanics import resonance_peaks
+from studies.mechanics import store as stores
+from studies.mechanics.path_solver import frequency_unit, place
 from studies.mechanics.resonance_peaks import ACCURATE, BAND, Gain, bandwidth, flat_to, peaks
+from studies.mechanics.stored_answers import asked
 from studies.output import page_templates
 from studies.output.figures import save, table_of
 from studies.output.records import FlatRow
@@ -36,7 +40,6 @@ from studies.simulation.response_curves import At, Complex, Curves
 if TYPE_CHECKING:
     from fem.accuracy import Accuracy
     from fem.analyses.vibration import VibratingSensor
-    from fem.scene import Scene
 
 FILES = ("response.csv", "ladder.csv", "response_z.png", "response_x.png")
 FEWEST, MOST = 2, 10_000
@@ -195,7 +198,7 @@ def _compliance(at: At, motion: str, f: Array) -> Complex:
 
 
 def _notes(design: Design, load: Load, at_rest: Design, magnet: Magnet, level: Accuracy) -> list[str]:
-    from fem.analyses.modes import modes, spring_mass
+    from fem.analyses.modes import modes
 
     free = modes(at_rest, magnet, 6, accuracy=level, estimate=False)
     first = _first(free.frequency, free.shape)
@@ -338,8 +341,6 @@ def mesh_warnings(motion: FlatRow) -> list[str]:
 
 def oscillators(design: Design, motion: str, stiffness: float, relaxation: Relaxation) -> Models:
     """Return natural frequency, Hz, and response of each oscillator by its name, of a stiffness in N/mm above 0."""
-    from fem.analyses.modes import spring_mass
-
     natural = natural_frequency(stiffness, moving_mass(design))
     # where the branches do not speak for this frequency, the loss factor is that at the nearest one for which they do
     low, high = relaxation.speaks_for_frequencies
@@ -397,28 +398,28 @@ def rungs(motion: str, models: Models, finite_elements: Response, band: tuple[fl
 # Natural frequencies
 
 
-def natural_frequencies(design: Design, count: int, depth: float, elements: Elements, progress: Progress) -> Result:
-    """Compute the natural frequencies of the free sensor, or of one pressed to a depth, mm.
+def natural_frequencies(
+    design: Design, count: int, depth: float, elements: Elements, store: Path | None, progress: Progress
+) -> Result:
+    """Compute the natural frequencies of the free sensor, or of one pressed to a depth, mm; `store` keeps them.
 
     The record has lists with a value for each mode, in rising order, which are empty if the status is "failed": the
     press does not reach the depth, or has no natural frequencies there.
     """
-    from fem.analyses.modes import MOST as MOST_MODES
-    from fem.analyses.modes import modes, spring_mass
-
     if not 1 <= count <= MOST_MODES:
         raise BadInput(f"--count must be between 1 and {MOST_MODES}; got {count}")
-    check_load(design, Load(depth=depth), elements.magnet)
+    scene = Scene(design, (Load(depth=depth),), elements.level, elements.magnet)
     progress(0.0, "modes of the pressed sensor" if depth else "modes of the free sensor")
     found: FlatRow = {"frequency_Hz": [], "frequency_error_estimate": [], "shape": []}
-    try:
-        solution = modes(design, elements.magnet, count, depth=depth, accuracy=elements.level)
-    except BadInput as error:
-        status, message = "failed", str(error)
-    else:
-        values = (solution.frequency, solution.estimates, solution.shape)
-        found = {name: list(each) for name, each in zip(found, values, strict=True)}
-        first = _first(solution.frequency, solution.shape)
+    with stores.opened(store) as states:
+        answer = asked(place(scene, "modes", options={"count": count}), states, ["estimates"])
+    status, message = answer.status, answer.message
+    if answer.values:
+        unit = frequency_unit(design.D, design.E_now, design.density)
+        frequency = [unit * one for one in answer.values["frequency"]]
+        lists = (frequency, answer.values["estimates"], answer.values["shape"])
+        found = dict(zip(found, lists, strict=True))
+        first = _first(frequency, answer.values["shape"])
         # A slow load at f excites an undamped oscillator of frequency f1 by 1 / (1 - (f / f1)^2), which is 1.05 at
         # f = 0.22 f1. Ovalling and torsion leave the magnet where it is, so they do not change the readings.
         slow = {shape: f * (1 - 1 / 1.05) ** 0.5 for shape, f in first.items() if shape in ("bending", "axial")}
@@ -426,10 +427,10 @@ def natural_frequencies(design: Design, count: int, depth: float, elements: Elem
             "modes",
             inside=[f"{shape} {f:.0f} Hz" for shape, f in first.items() if f < BAND],
             slow=[f"{f:.0f} Hz for {shape} motion" for shape, f in slow.items()],
-            highest=max(solution.frequency),
+            highest=max(frequency),
             band=BAND,
         )
-        status, message = solution.status, "; ".join(filter(None, [solution.message, *said]))
+        message = "; ".join(filter(None, [message, *said]))
     beam_only, with_magnet = spring_mass(design)
     record = {"status": status, "message": message, "depth_mm": depth, **found}
     record |= {"spring_mass_Hz": beam_only, "spring_mass_with_magnet_Hz": with_magnet}

@@ -21,10 +21,11 @@ import pandas as pd
 
 from analytic import beam
 from analytic.magnet import cylinder_field
+from analytic.oscillator import spring_mass
 from analytic.relaxation_loops import loop
 from fem import equilibrium
 from fem.accuracy import LEVELS, QUICK, STANDARD, Accuracy
-from fem.analyses.modes import modes, spring_mass
+from fem.analyses.modes import modes
 from geometry.design import paper
 from geometry.loads import Load, Magnet
 from geometry.messages import Progress
