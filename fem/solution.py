@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, NoReturn
 
+from geometry.bad_input import OutOfReach
 from geometry.loads import Load, Response
 
 if TYPE_CHECKING:
@@ -224,7 +225,7 @@ class Solution:
     Attributes
     ----------
     load : load that this state carries; less than the requested one when the solve stopped early.
-    response, field : the response, and the fields from which it was computed.
+    response, field : the response, and the fields from which it was computed; None where only numbers were kept.
     energy : energy stored in the deformed silicone, N mm; without Coulomb friction its derivative by the depth is the
         normal force.
     model : name of the model.
@@ -246,7 +247,7 @@ class Solution:
     dofs: int
     newton_iterations: int
     seconds: float
-    field: Field
+    field: Field | None = None
     facts: Facts = Facts()
     message: str = ""
     dissipated: float = 0.0
@@ -257,3 +258,18 @@ class Solution:
     @property
     def status(self) -> Status:
         return self.facts.status
+
+    @property
+    def body(self) -> Field:
+        """The fields of the deformed body, of a solution that was not kept as numbers only."""
+        if self.field is None:
+            raise ValueError("the fields of this solution were not kept: solve it again")
+        return self.field
+
+
+class ForceOutOfReach(OutOfReach):
+    """No state has a wanted force; `state` is the one that comes nearest, of the motion of the target."""
+
+    def __init__(self, sentence: str, state: Solution) -> None:
+        super().__init__(sentence)
+        self.state = state

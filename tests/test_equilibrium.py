@@ -102,7 +102,7 @@ def test_a_solve_that_cannot_go_on_keeps_what_it_reached():
     assert 1.0 < last.load.depth < 6.9
     assert f"{last.load.depth:.4g} mm" in last.message
     assert normal(last) > normal(solutions[0])
-    assert np.isfinite(last.field.u).all()
+    assert np.isfinite(last.body.u).all()
 
 
 def test_without_contact_or_friction_there_is_no_force_and_the_message_says_so():

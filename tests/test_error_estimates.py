@@ -48,7 +48,7 @@ def test_the_second_mesh_has_less_than_half_of_the_elements(load):
     """Also where fillets, corners and thin layers make the edges short, as in most of the mesh of level quick."""
     for level in (QUICK, STANDARD):
         fine, coarse = (
-            trace(paper(), [load], accuracy, estimate=False)[0].field.mesh.nelements
+            trace(paper(), [load], accuracy, estimate=False)[0].body.mesh.nelements
             for accuracy in (level, coarser(level))
         )
         assert 0.3 * fine < coarse < 0.5 * fine

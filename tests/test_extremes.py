@@ -186,9 +186,9 @@ def test_the_largest_magnet_is_the_largest(changes):
 
 def test_inverted_silicone_is_measured(pressed):
     assert extremes.folded_share(pressed) == 0
-    z = pressed.field.mesh.doflocs[1]
+    z = pressed.body.mesh.doflocs[1]
     mirrored = np.stack([0 * z, -2 * z], axis=1)
-    assert extremes.folded_share(replace(pressed, field=replace(pressed.field, u=mirrored))) == pytest.approx(1)
+    assert extremes.folded_share(replace(pressed, field=replace(pressed.body, u=mirrored))) == pytest.approx(1)
 
 
 def test_inverted_silicone_that_the_state_does_not_report_fails_its_case():

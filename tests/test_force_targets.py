@@ -16,7 +16,6 @@ from fem.analyses.force_targets import (
     FORCE_TOLERANCE,
     SHARED_TOLERANCE,
     CurvePoint,
-    ForceOutOfReach,
     ForceTarget,
     LoadingCurve,
     NotReached,
@@ -24,6 +23,7 @@ from fem.analyses.force_targets import (
     walk_forces,
 )
 from fem.equilibrium import solve, trace
+from fem.solution import ForceOutOfReach
 from fem.solve.load_case_models import SHALLOW
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load

@@ -1,16 +1,21 @@
 """Verbs ask the store first: a second run solves nothing, and prints the same."""
 
 import contextlib
+import itertools
 import sqlite3
 
 import pytest
 
+from fem import equilibrium
 from studies.mechanics import path_solver, store
 
 QUICK = ("--accuracy", "quick", "--magnet", "ignored")
 VERBS = {
     "stability": ("stability", "paper", "--depth", 1, *QUICK),
     "slenderness": ("stability", "paper", "--slenderness", "1", *QUICK),
+    "press": ("solve", "paper", "--depths", "0.5,1", *QUICK),
+    "shear": ("solve", "paper", "--depth", 0.5, "--shear", 0.3, "--shear-y", 0.4, "--steps", 2, *QUICK),
+    "end": ("solve", "paper", "--depth", 6, "--steps", 2, *QUICK, "--set", "L=6.5", "--set", "l0=6"),
     "modes": ("modes", "paper", "--count", 3, *QUICK),
 }
 
@@ -18,13 +23,13 @@ VERBS = {
 @pytest.fixture
 def solves(monkeypatch):
     """The tasks that are solved."""
-    tasks, solve = [], path_solver.solve_task
+    tasks, solve = [], path_solver.solved
 
-    def noted(task):
+    def noted(task, *more):
         tasks.append(task)
-        return solve(task)
+        return solve(task, *more)
 
-    monkeypatch.setattr(path_solver, "solve_task", noted)
+    monkeypatch.setattr(path_solver, "solved", noted)
     return tasks
 
 
@@ -36,10 +41,11 @@ def changed(statement):
 @pytest.mark.parametrize("name", VERBS)
 def test_a_second_run_solves_nothing_and_prints_the_same(name, run, solves):
     first = run(*VERBS[name], "--json")
-    assert first[0] == 0
+    assert first[0] == (3 if name == "end" else 0)
+    assert len(first[1].splitlines()) == (2 if {"--depths", "--steps"} & {*VERBS[name]} else 1)
     assert solves
     solves.clear()
-    assert run(*VERBS[name], "--json") == first
+    assert run(*VERBS[name], "--json")[:2] == first[:2]
     assert not solves
 
 
@@ -69,3 +75,35 @@ def test_a_similar_design_shares_its_answer_and_another_store_does_not(run, solv
     )
     run(*VERBS["modes"], "--store", tmp_path / "other.sqlite")
     assert len(solves) == 2
+
+
+def test_states_are_shared_with_sweeps_and_a_path_continues_where_it_was_interrupted(
+    run, solves, strict, monkeypatch
+):
+    def interrupted(*_, **__):
+        yield from itertools.islice(walk(*_, **__), 1)
+        raise KeyboardInterrupt
+
+    walk = equilibrium.walk
+    path = ("solve", "paper", "--depths", "0.4,0.6,0.8", *QUICK)
+    with monkeypatch.context() as patch:
+        patch.setattr(equilibrium, "walk", interrupted)
+        status, out, _ = run(*path, "--json")
+    assert (status, len(strict(out))) == (130, 1)
+    rows = strict(run(*path, "--json")[1])
+    assert [load.depth for task in solves for load in task.scene.loads] == [0.4, 0.6, 0.8, 0.6, 0.8]
+    (row,) = strict(run("sweep", "paper", "--axis", "depth=0.8", *QUICK, "--json")[1])
+    assert (row["fem_force_N"], len(solves)) == (rows[-1]["force_N"][2], 2)
+
+
+def test_a_picture_of_a_kept_state_needs_a_solve_of_its_body_only(run, solves, tmp_path):
+    first = run(*VERBS["press"], "--json")
+    assert run(*VERBS["press"], "--json", "--out", tmp_path / "last.vtu")[:2] == first[:2]
+    assert len(solves) == 1
+    assert (tmp_path / "last.vtu").stat().st_size > 1000
+
+
+def test_a_way_back_under_friction_is_not_kept(run, solves):
+    assert run("solve", "paper", "--depths", "0.5,0.4", "--friction", 0.5, *QUICK)[0] == 0
+    assert not solves
+    assert not store.default().exists()

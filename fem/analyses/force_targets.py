@@ -42,14 +42,13 @@ from fem.model import coulomb_friction
 from fem.results.error_estimates import estimate_response
 from fem.results.postprocess import contact_size, read, read_response, tip_force
 from fem.scene import Model, Scene, silicone_on_axis
-from fem.solution import Solution
+from fem.solution import ForceOutOfReach, Solution
 from fem.solve.load_case_models import mesh_range, path_models
 from fem.solve.load_increments import extrapolate
 from fem.solve.load_stepping import Path
 from fem.solve.newton import STOPPED, Stop
 from fem.solve.path_state import PathState
 from geometry.arrays import Array
-from geometry.bad_input import OutOfReach
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Magnet, tip_compliance
 from geometry.messages import Progress
@@ -689,14 +688,6 @@ class HeldForce:
             "depth": (abs(h - g * c) * off + k * abs(c) * aside) / (k * h * d),
             "shear": (abs(g) * off + k * aside) / (k * h * s),
         }
-
-
-class ForceOutOfReach(OutOfReach):
-    """No state has a wanted force; `state` is the one that comes nearest, of the motion of the target."""
-
-    def __init__(self, sentence: str, state: Solution) -> None:
-        super().__init__(sentence)
-        self.state = state
 
 
 def _motions(state: PathState) -> tuple[float, float]:

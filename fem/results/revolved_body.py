@@ -33,13 +33,13 @@ class Body:
 
 def place(solution: Solution) -> Body:
     """Return the body of a solution in the user's frame."""
-    solid = revolve(solution.field)
+    solid = revolve(solution.body)
     return turn(solid, solution.load.direction) if mirrored(solution) else solid
 
 
 def mirrored(solution: Solution) -> bool:
     """Return whether the fields of a solution are symmetric about the plane y = 0 of its model."""
-    return solution.model != "full" and not solution.field.angles.sines
+    return solution.model != "full" and not solution.body.angles.sines
 
 
 def turn(solid: Body, direction: tuple[float, float]) -> Body:

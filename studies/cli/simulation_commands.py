@@ -25,6 +25,7 @@ def solve(
     motion: option_groups.Motion = option_groups.Motion(),
     method: option_groups.Method = option_groups.Method(),
     picture: Path | None = None,
+    store: StoreFile | None = None,
 ) -> int:
     """Compute force, shift and tilt of the magnet by finite elements; print each state as soon as it is reached.
 
@@ -42,14 +43,14 @@ def solve(
     from studies.simulation import load_cases, within_tolerance
 
     design = call.design(method.magnet)
-    atomic_files.check_apart([call.out, picture], [call.source, method.mesh])
+    atomic_files.check_apart([call.out, picture, store], [call.source, method.mesh])
     targets = load_cases.targets_of(motion)
     loads = load_cases.approximate_loads(targets) if targets else load_cases.loads_of(motion)
     for option, reason in load_cases.ineffective_options(motion, method):
         say_no_effect(option, reason)
     with console.progress(as_json=call.as_json) as progress:
         title, rows = within_tolerance.run(
-            design, loads, method, targets, out=call.out, picture=picture, progress=progress
+            design, loads, method, targets, out=call.out, picture=picture, store=store, progress=progress
         )
         rows = rows if call.as_json else load_cases.in_words(rows)
         with contextlib.closing(rows):

@@ -108,7 +108,7 @@ def _skin(design: Design, motion: tuple[float, float], forces: tuple[float, floa
         found = equilibrium.trace(design, [load], QUICK, estimate=False)[-1]
         if found.load != load:
             raise SolveFailed(found.message or f"the finite elements end at a press of {found.load.depth:.3g} mm")
-    parts = deformed_body.of_field(found.field)
+    parts = deformed_body.of_field(found.body)
     return np.concatenate([parts[side][0] + parts[side][1] for side in ("front", "back")])
 
 

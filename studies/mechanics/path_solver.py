@@ -28,23 +28,22 @@ import dataclasses
 import functools
 import math
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 from fem.physics_version import ESTIMATES, PHYSICS
 from fem.scene import Scene
+from fem.solution import Estimates, Facts, Solution, Stability
 from geometry.bad_input import SolveFailed
 from geometry.design import Design
 from geometry.loads import ANSWERED, Load, Response
+from geometry.messages import Progress
 from studies.mechanics import timed_quantities
 from studies.mechanics.store import Outcome, Position, State, position
 from studies.mechanics.timed_quantities import STILL, PlateMotion
 from studies.output.provenance import versions
 from studies.quantities import QUANTITIES, Path, stored_parts, stored_values
-
-if TYPE_CHECKING:
-    from fem.solution import Solution
 
 Kind = Literal["states", "small shear"] | Path
 """What a path holds."""
@@ -183,14 +182,17 @@ class Answer:
 
         `direction`: unit vector of the shear; the answer is turned from x to it.
         """
-        message = self.message
-        if message and D != self.D:
-            message = f"solved at D = {self.D:g} mm: {message}"
+        message = of_similar(self.message, D, self.D)
         if self.response is None:
             return replace(self, D=D, E=E, message=message)
         length = D / self.D
         response = _turned(self.response.scaled(length, E / self.E * length**2), direction)
         return replace(self, D=D, E=E, response=response, message=message)
+
+
+def of_similar(message: str, D: float, solved_D: float) -> str:
+    """Return the message of an answer for a design of another diameter, mm: its lengths are those of the solve."""
+    return f"solved at D = {solved_D:g} mm: {message}" if message and solved_D != D else message
 
 
 def _turned(response: Response, direction: tuple[float, float]) -> Response:
@@ -251,40 +253,67 @@ def _at(load: Load, at: Position, D: float) -> Load:
 
 def solve_task(task: Task) -> list[State]:
     """Solve a task and return its states for the store."""
+    return [state for state, _ in solved(task)]
+
+
+Reached = tuple[State, Solution | None]
+"""A state for the store, and the solution with its deformed body, or None where there is none."""
+
+
+def solved(task: Task, progress: Progress | None = None) -> Iterator[Reached]:
+    """Solve a task, and yield each state as soon as it is reached; then those that are not reached.
+
+    A load on which the path stops is tried again in smaller steps, and those behind it with it.
+    """
     if task.kind != "states":
-        return [_single(task)]
-    scene, D = task.scene, task.scene.design.D
-    states = dict(zip(scene.loads, _followed(scene, scene.loads, ratios=task.ratios), strict=True))
-    failed = [load for load, state in states.items() if state.status == "not_converged"]
-    # an axisymmetric press without friction starts from rest, whatever the steps before it
-    if failed and (scene.model != "axisymmetric" or scene.coulomb is not None):
-        reached = [state.position for state in states.values() if state.outcome == "ok"]
-        between = _smaller_steps(failed[0], [*task.solved, *reached], D)
-        again = _followed(scene, [*between, *failed], ratios=task.ratios)[len(between) :] if between else []
-        for load, state in zip(failed, again, strict=False):
-            if state.outcome == "ok":
-                message = state.answer["message"] or "reached by smaller steps"
-                states[load] = replace(state, answer=state.answer | {"message": message})
-    return list(states.values())
+        yield _single(task), None
+        return
+    scene, left, reached = task.scene, list(task.scene.loads), list(task.solved)
+    steps = list[Load]()
+    end: tuple[str, str, Solution | None] = ("", "", None)
+    for retried in (False, True):
+        ends = list[tuple[str, str, Solution | None]]()
+        for load, one in zip([*steps, *left], _followed(scene, [*steps, *left], task, ends, progress), strict=False):
+            if load not in steps:
+                state = _state(scene, load, one, ratios=task.ratios)
+                if retried:
+                    message = one.message or "reached by smaller steps"
+                    state = replace(state, answer=state.answer | {"message": message})
+                left.remove(load)
+                reached.append(state.position)
+                yield state, one
+        # an axisymmetric press without friction starts from rest, whatever the steps before it
+        alone = scene.model == "axisymmetric" and scene.coulomb is None
+        if not retried:
+            end = ends[0] if ends else end
+            steps = _smaller_steps(left[0], reached, scene.design.D) if left else []
+        if not left or alone or not steps or end[0] != "not_converged":
+            break
+    status, message, last = end
+    record = None if last is None else {"load": dataclasses.asdict(last.load), **_recorded(last)}
+    lost = {"response": None, "error_estimate": None, "message": message, "reached": record}
+    yield from ((_stored(scene, load, "failed", status, lost, last.seconds if last else 0.0), last) for load in left)
 
 
-def _followed(scene: Scene, loads: Sequence[Load], *, ratios: bool) -> list[State]:
-    """Follow a path; the loads that it does not reach have the status and message of its end."""
+def _followed(
+    scene: Scene,
+    loads: Sequence[Load],
+    task: Task,
+    ends: list[tuple[str, str, Solution | None]],
+    progress: Progress | None,
+) -> Iterator[Solution]:
+    """Follow a path; the status, message and last solution of its end, if it stops, are added to `ends`."""
     from fem import equilibrium
 
+    path = replace(scene, loads=tuple(loads))
     try:
-        solutions = equilibrium.trace(
-            scene.design, loads, scene.accuracy, magnet=scene.magnet, model=scene.model, ratios=ratios
-        )
-        end = solutions[-1].status, solutions[-1].message
+        for one in equilibrium.walk(path, ratios=task.ratios, progress=progress):
+            if one.status not in ANSWERED:
+                ends.append((one.status, one.message, one))
+                return
+            yield one
     except SolveFailed as error:
-        solutions, end = [], ("not_converged", str(error))
-    reached = [one for one in solutions if one.status in ANSWERED]
-    lost = {"response": None, "error_estimate": None, "message": end[1]}
-    return [
-        *(_state(scene, load, one, ratios=ratios) for load, one in zip(loads, reached, strict=False)),
-        *(_stored(scene, load, "failed", end[0], lost) for load in loads[len(reached) :]),
-    ]
+        ends.append(("not_converged", str(error), None))
 
 
 def _smaller_steps(load: Load, solved: Sequence[Position], D: float) -> list[Load]:
@@ -306,26 +335,84 @@ def _origin() -> str:
     return versions()
 
 
-def lacks(state: State, values: Iterable[str]) -> bool:
-    """Return whether a state was solved without some of the values, which it may have."""
+def lacks(state: State, values: Iterable[str], *, whole: bool = False) -> bool:
+    """Return whether a state was solved without some of the values, which it may have.
+
+    `whole`: or is not known as `solution` returns it.
+    """
+    if whole and not {"solution", "reached"} & state.answer.keys():
+        return True
     return state.outcome == "ok" and not state.answer["values"].keys() >= set(values)
 
 
 def _state(scene: Scene, load: Load, solution: Solution, *, ratios: bool) -> State:
-    estimates, facts = solution.estimates, solution.facts
+    facts = solution.facts
     values = {name: getattr(facts, name) for name in stored_values(QUANTITIES)}
     # a press that was not asked for its ratio may have one all the same
     if not ratios and facts.sideways_stiffness_ratio is None and solution.model == "axisymmetric":
         del values["sideways_stiffness_ratio"]
+    answer = _recorded(solution) | {"values": values}
+    return _stored(scene, load, "ok", solution.status, answer, solution.seconds)
+
+
+OF_SOLUTION = ("model", "energy", "dofs", "newton_iterations", "dissipated", "slip_share", "radius_from")
+"""Attributes of a solution that are stored beside its response, facts and estimates."""
+
+
+def _recorded(solution: Solution) -> dict[str, Any]:
+    """Return all of a solution but its field, as JSON; lengths in mm and energies in mJ are those of its design."""
+    estimates, facts = solution.estimates, dataclasses.asdict(solution.facts)
     estimated = (*ESTIMATED, *(part.estimate for part in stored_parts() if part.estimate))
-    answer = {
+    rest = {"facts": facts, "estimates": dataclasses.asdict(estimates)}
+    return {
         "response": dataclasses.asdict(solution.response),
         "error_estimate": estimates.force,
         "message": solution.message,
         "estimates": {name: getattr(estimates, name) for name in estimated},
-        "values": values,
+        "solution": {name: getattr(solution, name) for name in OF_SOLUTION} | rest,
     }
-    return _stored(scene, load, "ok", solution.status, answer, solution.seconds)
+
+
+def solution(state: State, place: Place, load: Load, design: Design) -> Solution | None:
+    """Return the solution of a stored state for a similar design and its load, without its field.
+
+    It is the last state that was reached where the path stops; None where none was.
+    """
+    values = state.answer if state.outcome == "ok" else state.answer["reached"]
+    if values is None:
+        return None
+    answer = state.answer
+    length, E = design.D / answer["D_mm"], design.E_now / answer["E_MPa"]
+    record: dict[str, Any] = dict(values["solution"])
+    facts: dict[str, Any] = {
+        name: tuple(each) if isinstance(each, list) else each for name, each in record.pop("facts").items()
+    }
+    facts["stability"] = Stability(**facts["stability"])
+    if facts["onset_mm"]:
+        facts["onset_mm"] = tuple(length * one for one in facts["onset_mm"])
+    facts["critical_depth"] = facts["critical_depth"] and length * facts["critical_depth"]
+    message = of_similar(answer["message"], design.D, answer["D_mm"])
+    if facts["remark"] is None and load.shear + (load.friction == "stick") and not load.shears_tip:
+        # the stored press is frictionless
+        from fem.results.diagnostics import REMARKS
+
+        remark = "slides_over" if load.shear else "idle_stick"
+        facts["remark"], message = remark, "; ".join(filter(None, (message, REMARKS[remark])))
+    if state.outcome != "ok":
+        at = values["load"]
+        (c, s), x, y = place.direction, length * at["shear_x"], length * at["shear_y"]
+        load = replace(load, depth=length * at["depth"], shear_x=c * x - s * y, shear_y=s * x + c * y)
+    response = Response.restored(values["response"]).scaled(length, E * length**2)
+    record |= {name: E * length**3 * record[name] for name in ("energy", "dissipated")}
+    return Solution(
+        load=load,
+        response=_turned(response, place.direction),
+        seconds=state.seconds,
+        facts=Facts(**facts),
+        message=message,
+        estimates=Estimates(**record.pop("estimates")),
+        **record,
+    )
 
 
 def _stored(

@@ -27,7 +27,7 @@ import math
 import os
 import sqlite3
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -126,6 +126,11 @@ def stored(path: str, row: Sequence[Any]) -> State | None:
         return None
     outcome, status, answer, versions, _ = (text.decode() for text in texts)
     return State(depth, shear, outcome, status, json.loads(answer), seconds, versions)
+
+
+def as_stored(state: State) -> State:
+    """Return a state with the answer that the store gives back: plain values, NaN and infinity as None."""
+    return replace(state, answer=json.loads(_json(state.answer)))
 
 
 def position(depth: float, shear: float) -> Position:

@@ -85,8 +85,11 @@ ROW = ("depth", "shear", "outcome", "status", "seconds", "versions", "added")
 """Values in the row of a state; others are of its answer."""
 UNNAMED = ("shape.D", "load.count")
 """Values that are no columns: D over D, and the number of modes."""
-PLACE = re.compile(r"\$\.(?P<place>(?!solved\.|accuracy\.)(?P<name>[\w.]+)(\[(?P<index>\d+)\])?)", re.ASCII)
-"""Place of a value that can be a column: that of a problem, or of an accuracy, is none."""
+PLACE = re.compile(
+    r"\$\.(?P<place>(?!solved\.|accuracy\.|solution\.|reached\.)(?P<name>[\w.]+)(\[(?P<index>\d+)\])?)", re.ASCII
+)
+"""Place of a value that can be a column: that of a problem, of an accuracy, or of a solution in its own units, is
+none."""
 LONGEST = 6
 """Largest number of values in a list that are columns; a longer list is a curve."""
 DAMAGED = "damaged"

@@ -1,17 +1,23 @@
 """What a verb asks of the finite elements: the store first, and what it lacks is solved here and kept.
 
 The store holds all numbers of an answer by their names. The deformed body of a state is not among them: pictures and
-files of it are made of a solve of their own (`simulation.load_cases`). Studies of many cases, which other processes
-solve, ask by `solve_plan`, for the same paths.
+files of it need a solve. Nor are motions whose states depend on more than a position of a path (`is_kept`). Studies
+of many cases, which other processes solve, ask by `solve_plan`, for the same paths.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import itertools
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
 
+from fem.scene import Scene
+from fem.solution import Solution
+from geometry.bad_input import SolveFailed
+from geometry.messages import Progress
 from studies.mechanics import path_solver
 from studies.mechanics.path_solver import Answer, Place
-from studies.mechanics.store import Store
+from studies.mechanics.store import Position, Store, as_stored
 
 
 def asked(place: Place, store: Store, values: Iterable[str] = ()) -> Answer:
@@ -29,3 +35,49 @@ def asked(place: Place, store: Store, values: Iterable[str] = ()) -> Answer:
     design = place.scene.design
     answer = path_solver.answer(state, place.scene.accuracy.section_size)
     return answer.of(design.D, design.E_now, place.direction)
+
+
+def is_kept(scene: Scene) -> bool:
+    """Return whether the states of a scene can be kept: not on a mesh of one's own, and not those that depend on the
+    loads before them, as under Coulomb friction a depth does to which the plate comes back."""
+    depths = [load.depth for load in scene.loads]
+    back = any(second < first for first, second in itertools.pairwise(depths))
+    return scene.mesh is None and not (scene.coulomb is not None and back)
+
+
+def walked(scene: Scene, store: Store, progress: Progress | None = None) -> Iterator[Solution | SolveFailed]:
+    """Yield the solution of each load of a scene of kept states, until the path stops, with error estimates.
+
+    It ends with the last state that was reached, or with the reason why there is none (no mesh). Each state is kept
+    as soon as it is reached, so that an interrupted path continues there. A solution that was found in the store has
+    no field.
+    """
+    places = [path_solver.place(replace(scene, loads=(load,))) for load in scene.loads]
+    content, wanted = places[0].content, ("sideways_stiffness_ratio",)
+    states = store.states(content)
+    lacking = {
+        one.at
+        for one in places
+        if (state := states.get(one.at)) is None
+        or state.outcome == "transient"
+        or path_solver.lacks(state, wanted, whole=True)
+    }
+    reached = sorted(at for at, state in states.items() if state.outcome == "ok" and at not in lacking)
+    fresh: dict[Position, Solution | None] = {}
+    task = path_solver.task(1, places[0], sorted(lacking), reached, ratios=True) if lacking else None
+    solving = iter(()) if task is None else path_solver.solved(task, progress)
+    for load, at_place in zip(scene.loads, places, strict=True):
+        while at_place.at in lacking:
+            state, solved = next(solving)
+            store.add(content, [state])
+            states[state.position], fresh[state.position] = as_stored(state), solved
+            lacking.discard(state.position)
+        state = states[at_place.at]
+        found = path_solver.solution(state, at_place, load, scene.design)
+        if found is None:
+            yield SolveFailed(state.answer["message"])
+            return
+        body = fresh.get(at_place.at)
+        yield found if body is None else replace(found, field=body.field)
+        if state.outcome != "ok":
+            return

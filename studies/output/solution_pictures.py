@@ -255,7 +255,7 @@ class Cut(NamedTuple):
 
 def cut_of(solution: Solution) -> Cut:
     """Return the section in the plane of the shear (without a shear y = 0), rotated to y = 0."""
-    solid = revolved_body.revolve(solution.field)
+    solid = revolved_body.revolve(solution.body)
     if not revolved_body.mirrored(solution):
         x, y = solution.load.direction
         solid = revolved_body.turn(solid, (x, -y))

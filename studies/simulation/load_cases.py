@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from fem.solution import ForceOutOfReach, Solution
 from geometry import design_digest
 from geometry.bad_input import SolveFailed
 from geometry.design import BadInput, Design
@@ -19,6 +20,8 @@ from geometry.loads import STEEPEST, Load
 from geometry.messages import Progress
 from studies.inputs import user_input
 from studies.inputs.option_groups import Method, Motion
+from studies.mechanics import store as stores
+from studies.mechanics import stored_answers
 from studies.output import atomic_files, console, vtk_files
 from studies.output.records import FlatRow
 from studies.output.result import Result, of_record
@@ -28,7 +31,7 @@ from studies.simulation import state_rows
 if TYPE_CHECKING:
     from fem.accuracy import Accuracy
     from fem.analyses.force_targets import ForceTarget
-    from fem.solution import Solution
+    from fem.scene import Scene
     from geometry.mesh import MagnetCells
 
 MOST_STEPS = 1000
@@ -217,15 +220,16 @@ def solve(
     out: Path | None,
     picture: Path | None,
     progress: Progress,
+    store: Path | None = None,
     targets: Sequence[ForceTarget] = (),
 ) -> Generator[FlatRow]:
     """Solve the loads one after the other, and yield the row of each state as soon as it is reached.
 
-    The files, .vtu and .png, show the last state. They are also written after an interruption, or if the caller
-    closes the generator. Of targets, forces that the states must have, `loads` are loads of the same kind.
+    States come from the store, default: the user's, and are kept there (`mechanics.stored_answers`). The files, .vtu
+    and .png, show the last state, which is solved for them if it came from the store. They are also written after an
+    interruption, or if the caller closes the generator. Of targets, forces that the states must have, `loads` are
+    loads of the same kind; they are searched for each time.
     """
-    from fem import equilibrium
-    from fem.analyses import force_targets
     from fem.scene import Scene
 
     files = (
@@ -235,12 +239,27 @@ def solve(
     method, mesh = _read_mesh(design, method)
     level = _level(loads, method)
     if targets:
+        from fem.analyses import force_targets
+
         states = force_targets.walk_forces(
             design, targets, level, magnet=method.magnet, model=method.model, progress=progress, mesh=mesh
         )
         return _rows(design, [target.load for target in targets], method, states, *files)
     scene = Scene(design, tuple(loads), level, method.magnet, method.model, mesh)
-    return _rows(design, loads, method, equilibrium.walk(scene, progress=progress), *files)
+    return _rows(design, loads, method, _walked(scene, store, progress), *files)
+
+
+def _walked(scene: Scene, store: Path | None, progress: Progress) -> Iterator[Solution]:
+    if not stored_answers.is_kept(scene):
+        from fem import equilibrium
+
+        yield from equilibrium.walk(scene, progress=progress)
+        return
+    with stores.opened(store) as states:
+        for one in stored_answers.walked(scene, states, progress):
+            if isinstance(one, SolveFailed):
+                raise one
+            yield one
 
 
 def _read_mesh(design: Design, method: Method) -> tuple[Method, Any]:
@@ -287,8 +306,6 @@ def _rows(
     vtu: Path | None,
     png: Path | None,
 ) -> Generator[FlatRow]:
-    from fem.analyses.force_targets import ForceOutOfReach
-
     last: Solution | None = None
     reached = 0
     made_for = design_digest.of_mechanics(design, method.magnet)
@@ -305,12 +322,23 @@ def _rows(
             last = error.state
             yield state_rows.solved_row(last, made_for) | {"status": "out_of_reach", "message": str(error)}
         finally:
-            if last is not None and vtu is not None:
-                vtk_files.write_field(vtu, last)
-            if last is not None and png is not None:
-                from studies.output.solution_pictures import section_picture
+            if last is not None and (vtu or png):
+                _show(last, design, method, vtu, png)
 
-                section_picture(png, design, last, magnet=method.magnet)
+
+def _show(last: Solution, design: Design, method: Method, vtu: Path | None, png: Path | None) -> None:
+    """Write the files of a deformed body."""
+    if last.field is None:
+        from fem.equilibrium import trace
+
+        level = _level([last.load], method)
+        last = trace(design, [last.load], level, magnet=method.magnet, model=method.model, estimate=False)[-1]
+    if vtu is not None:
+        vtk_files.write_field(vtu, last)
+    if png is not None:
+        from studies.output.solution_pictures import section_picture
+
+        section_picture(png, design, last, magnet=method.magnet)
 
 
 def loads_at_quick(design: Design, targets: Sequence[ForceTarget], method: Method, progress: Progress) -> list[Load]:

@@ -52,6 +52,7 @@ def run(
     *,
     out: Path | None,
     picture: Path | None,
+    store: Path | None,
     progress: Progress,
 ) -> tuple[str, Generator[FlatRow]]:
     """Return the title of a table of states, and their rows, which are solved one after the other.
@@ -59,7 +60,13 @@ def run(
     The model for a tolerance with targets is chosen for their loads at accuracy quick: it would otherwise depend on
     the depth that it has to find.
     """
-    options: dict[str, Any] = {"out": out, "picture": picture, "progress": progress, "targets": targets}
+    options: dict[str, Any] = {
+        "out": out,
+        "picture": picture,
+        "progress": progress,
+        "targets": targets,
+        "store": store,
+    }
     if method.wanted.tolerance is None:
         title, rows = TITLES["fem"], load_cases.solve(design, loads, method, **options)
     else:

@@ -133,7 +133,7 @@ def _rounded_up(value: float) -> float:
 
 def plane_of(solution: Solution) -> tuple[float, float]:
     """Return the unit vector in (x, y) along the section: along the shear, or x for fields in the user's frame."""
-    in_frame = solution.model == "full" or solution.field.angles.sines
+    in_frame = solution.model == "full" or solution.body.angles.sines
     return (1.0, 0.0) if in_frame else solution.load.direction
 
 
@@ -145,7 +145,7 @@ def _decimals(values: Array) -> int:
 
 def _sides(solution: Solution) -> tuple[Array, Array, Array, Array, Ints]:
     """Return rest, moved (n, 2), pressure, stretch (n,) and triangles (m, 3) of both sides of a section."""
-    field = solution.field
+    field = solution.body
     x, z = field.mesh.doflocs
     count = len(x)
     nodes = np.asarray(field.mesh.dofs.element_dofs).T
@@ -198,7 +198,7 @@ COARSE_DIGITS = 3
 def surface(solution: Solution, sectors: int = SECTORS) -> dict[str, Any]:
     """Return the part `sensor3d`: parts of a body sheared along x, and the angle by which the page turns it, rad."""
     c, s = plane_of(solution)
-    parts = of_field(solution.field, sectors)
+    parts = of_field(solution.body, sectors)
     data = surface_data(parts)
     return data | {"scale": _rounded_up(data["largest"]), "turn": math.atan2(s, c)}
 

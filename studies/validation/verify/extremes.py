@@ -349,7 +349,7 @@ def folded_share(solution: Solution) -> float:
 
     In the section, det F is the ratio of the Jacobians of the deformed and the undeformed triangle times r / R.
     """
-    mesh, nodes = solution.field.mesh, np.asarray(solution.field.mesh.dofs.element_dofs)
+    mesh, nodes = solution.body.mesh, np.asarray(solution.body.mesh.dofs.element_dofs)
     n = 8
     points = np.array([(i / n, j / n) for i in range(n + 1) for j in range(n + 1 - i)]).T
     basis = [skfem.ElementTriP2().lbasis(points, i) for i in range(6)]
@@ -361,7 +361,7 @@ def folded_share(solution: Solution) -> float:
         return np.einsum("ne,nq->qe", x[0, nodes], values), J[0, 0] * J[1, 1] - J[0, 1] * J[1, 0]
 
     R, before = radius_and_area(mesh.doflocs)
-    r, after = radius_and_area(mesh.doflocs + solution.field.u.T)
+    r, after = radius_and_area(mesh.doflocs + solution.body.u.T)
     inside_out = (after / before <= 0) | ((r < 0) & (R > 0))
     volume = R * np.abs(before)
     return float(volume[inside_out].sum() / volume.sum())
