@@ -436,11 +436,15 @@ def problem_of(
 ) -> dict[str, Any]:
     """Return what was solved, as JSON: D and E, which scale answers to similar designs, and all fields that differ
     from the defaults, by which `store check` solves it again."""
-    fields = {
+    fields: dict[str, Any] = {
         name: {f.name: v for f in dataclasses.fields(of) if (v := getattr(of, f.name)) != f.default}
         for name, of in (("design", design), ("load", load), ("motion", motion))
     }
-    return {"D_mm": design.D, "E_MPa": design.E_now, "solved": fields | ({"options": dict(options)} if options else {})}
+    return {
+        "D_mm": design.D,
+        "E_MPa": design.E_now,
+        "solved": fields | ({"options": dict(options)} if options else {}),
+    }
 
 
 def unsolved(task: Task, reason: str) -> list[State]:
