@@ -12,7 +12,6 @@ if TYPE_CHECKING:
     import skfem
 
     from fem.model import angular_fields
-    from fem.solve.newton import Stop
     from geometry.arrays import Array, Ints
 
 CREASE = 2.4
@@ -21,6 +20,7 @@ CREASE = 2.4
 
 RadiusSource = Literal["gap", "pressure", "area"]
 Status = Literal["ok", "unstable", "unknown", "not_converged", "no_contact"]
+Stop = Literal["", "no_convergence", "guess_inverted", "step_inverted", "singular", "force_lost"]
 Verdict = Literal["stable", "unstable", "unknown"]
 
 

@@ -42,11 +42,11 @@ from fem.model import coulomb_friction
 from fem.results.error_estimates import estimate_response
 from fem.results.postprocess import contact_size, read, read_response, tip_force
 from fem.scene import Model, Scene, silicone_on_axis
-from fem.solution import ForceOutOfReach, Solution
+from fem.solution import ForceOutOfReach, Solution, Stop
 from fem.solve.load_case_models import mesh_range, path_models
 from fem.solve.load_increments import extrapolate
 from fem.solve.load_stepping import Path
-from fem.solve.newton import STOPPED, Stop
+from fem.solve.newton import STOPPED
 from fem.solve.path_state import PathState
 from geometry.arrays import Array
 from geometry.design import BadInput, Design

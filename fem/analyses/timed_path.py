@@ -36,13 +36,12 @@ from fem.model.viscoelasticity import ViscousLaw
 from fem.results.lateral_stiffness import SidewaysModel, StabilityMargin
 from fem.results.postprocess import reached_load, read
 from fem.scene import Model, Scene
-from fem.solution import STABLE, UNKNOWN, Solution
+from fem.solution import STABLE, UNKNOWN, Solution, Stop
 from fem.solve import load_increments
 from fem.solve.active_set import KeptTangent
 from fem.solve.load_case_models import path_models
 from fem.solve.load_increments import Reached, find_equilibrium, path_at
 from fem.solve.load_stepping import Path
-from fem.solve.newton import Stop
 from fem.solve.path_state import PathState
 from geometry.arrays import Array
 from geometry.design import BadInput, Design

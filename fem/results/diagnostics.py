@@ -19,8 +19,8 @@ from fem.model.symmetry_models import Discretisation
 from fem.results import silicone_limits
 from fem.results.lateral_stiffness import StabilityMargin
 from fem.scene import Scene
-from fem.solution import CREASE, Facts, Solution
-from fem.solve.newton import STOPPED, Stop
+from fem.solution import CREASE, Facts, Solution, Stop
+from fem.solve.newton import STOPPED
 from fem.solve.path_state import PathState
 from geometry.arrays import Array
 from geometry.design import LAWS, Design

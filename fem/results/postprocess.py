@@ -11,8 +11,7 @@ from fem.model.gradient_recovery import Recovery, build_recovery
 from fem.model.symmetry_models import Discretisation
 from fem.results.diagnostics import Margin, diagnose
 from fem.scene import Scene
-from fem.solution import Field, RadiusSource, Solution
-from fem.solve.newton import Stop
+from fem.solution import Field, RadiusSource, Solution, Stop
 from fem.solve.path_state import PathState
 from geometry.arrays import Array
 from geometry.loads import Load, Response

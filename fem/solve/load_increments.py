@@ -20,9 +20,10 @@ import numpy as np
 
 from fem.model import coulomb_friction, plate_contact
 from fem.model.plate_contact import Plate
+from fem.solution import Stop
 from fem.solve.active_set import ActiveSet, KeptTangent
 from fem.solve.condensed_friction import CondensedFriction
-from fem.solve.newton import TOLERANCE, Equilibrium, Stop, iterate
+from fem.solve.newton import TOLERANCE, Equilibrium, iterate
 from fem.solve.path_state import PastState, PathState
 from geometry.arrays import Array, Mask
 

@@ -8,13 +8,12 @@ While a step reduces the residual fast enough, the next one reuses its factorisa
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
 from fem.model.nonlinear_system import Assembly, State, System
 from fem.model.plate_contact import Plate
-from fem.solution import UNKNOWN, Stability
+from fem.solution import UNKNOWN, Stability, Stop
 from fem.solve.active_set import UNDAMPED, ActiveSet, KeptTangent
 from fem.solve.condensed_friction import CondensedFriction
 from fem.solve.direct_solver import SingularMatrixError, Solver, norm
@@ -37,7 +36,6 @@ SETTLED = 0.1
 """Largest share of the residual that the step before a last one that is not confirmed has left: a step that leaves
 more may still change the contact."""
 
-Stop = Literal["", "no_convergence", "guess_inverted", "step_inverted", "singular", "force_lost"]
 STOPPED: dict[Stop, str] = {
     "": "",
     "no_convergence": f"no convergence in {MOST_ITERATIONS} iterations",

@@ -11,8 +11,9 @@ from fem.model import plate_contact
 from fem.model.plate_contact import Plate
 from fem.model.symmetry_models import MeshSpecification
 from fem.scene import FIRST_TOUCH
+from fem.solution import Stop
 from fem.solve.load_stepping import Path, PathModels
-from fem.solve.newton import STOPPED, NoStateError, Stop
+from fem.solve.newton import STOPPED, NoStateError
 from fem.solve.path_state import PathState, glue
 from geometry.design import BadInput
 
