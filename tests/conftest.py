@@ -217,18 +217,18 @@ def state_of(**load):
 
 @pytest.fixture
 def traced(monkeypatch):
-    """The arguments of each solve of a path."""
+    """The scene of each solve of a path."""
     from fem import equilibrium
 
-    calls = []
-    real = equilibrium.trace
+    scenes = []
+    real = equilibrium.walk
 
-    def counted(*args, **kwargs):
-        calls.append(args)
-        return real(*args, **kwargs)
+    def noted(scene, **options):
+        scenes.append(scene)
+        return real(scene, **options)
 
-    monkeypatch.setattr(equilibrium, "trace", counted)
-    return calls
+    monkeypatch.setattr(equilibrium, "walk", noted)
+    return scenes
 
 
 @pytest.fixture

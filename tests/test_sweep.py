@@ -152,7 +152,7 @@ def test_a_sweep_that_was_interrupted_continues(traced, kept, monkeypatch):
     batches = sweep.run(plan_of(BARE, AXES), None, kept, processes=Processes(0))
     reached = list(flat_rows(next(batches)))
     with monkeypatch.context() as patch:
-        patch.setattr(equilibrium, "trace", interrupted)
+        patch.setattr(equilibrium, "walk", interrupted)
         with pytest.raises(KeyboardInterrupt, match=r"1 of 2 solves are kept in .*solved.sqlite; the same command"):
             next(batches)
     again = run(BARE, AXES, kept=kept)
@@ -164,7 +164,7 @@ def test_a_sweep_takes_from_the_store_what_it_has_and_solves_what_is_missing(tra
     first = run(BARE, AXES, kept=kept)
     # another order, another length, another depth: of the beam of 10 mm only the depth of 1.5 mm is missing
     other = run(BARE, {"L": [10.0, 9.5], "depth": [0.5, 1.5, 1.0]}, kept=kept)
-    assert [len(args[1]) for args in traced] == [2, 2, 1, 3]
+    assert [len(scene.loads) for scene in traced] == [2, 2, 1, 3]
     figures = [name for name in first[0] if name not in ("solve", "seconds")]
     assert [str(other[2][name]) for name in figures] == [str(first[3][name]) for name in figures]
 
@@ -178,7 +178,7 @@ def test_a_case_that_fails_is_kept_and_not_tried_again(kept, traced):
     assert math.isnan(first[0]["fem_force_N"])
     assert math.isfinite(first[0]["analytic_force_N"])
     assert "0.2" in first[0]["message"]
-    assert [[load.depth for load in args[1]] for args in traced] == [[0.1, 1.0]]
+    assert [[load.depth for load in scene.loads] for scene in traced] == [[0.1, 1.0]]
     again = run(softening, {"depth": [1.0, 0.1]}, **quick)
     assert len(traced) == 1
     assert str(again) == str(first)
@@ -237,7 +237,7 @@ def test_whether_a_beam_gave_way_is_unknown_where_the_error_of_its_force_is(monk
 def test_a_sheared_path_solves_only_the_missing_shears(traced, kept):
     first = run(paper(), {"shear": [0.2, 0.4]}, {"depth": 0.5}, **SIDE, kept=kept)
     again = run(paper(), {"shear": [0.4, 0.0, 0.6]}, {"depth": 0.5}, **SIDE, kept=kept)
-    solved = [[(load.depth, round(load.shear_x, 12)) for load in args[1]] for args in traced]
+    solved = [[(load.depth, round(load.shear_x, 12)) for load in scene.loads] for scene in traced]
     assert solved[:2] == [[(0.5, 0.2), (0.5, 0.4)], [(0.5, 0.6)]]
     # without a shear the plate does not stick: an axisymmetric press
     assert solved[2:] == [[(0.5, 0.0)]]
@@ -326,7 +326,7 @@ def test_a_case_that_kills_its_worker_is_a_row_and_is_retried_only_if_asked(kept
 
 
 KINDS = {
-    "force": "fem.equilibrium.trace",
+    "force": "fem.equilibrium.walk",
     "critical_depth": "fem.analyses.stability.critical",
     "modes": "fem.analyses.modes.modes",
     "response": "fem.analyses.vibration.vibrating_sensor",
