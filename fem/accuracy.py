@@ -13,6 +13,11 @@ from dataclasses import dataclass, replace
 __all__ = ["FINE", "LEVELS", "QUICK", "STANDARD", "Accuracy", "coarser", "level", "longer_edges"]
 
 
+LEAST_TOLERANCE = 1e-7
+"""Least permitted error of the force from the time steps: Newton's tolerance leaves errors near it, and the number of
+steps grows like the inverse of its cube root."""
+
+
 @dataclass(frozen=True, slots=True)
 class Accuracy:
     """Mesh sizes and harmonics of a solve.

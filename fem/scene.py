@@ -18,6 +18,7 @@ from fem.accuracy import STANDARD, Accuracy, coarser, level
 from geometry.arrays import Array
 from geometry.design import BadInput, Design, Shape
 from geometry.loads import Load, Magnet, check_kinds, check_load
+from geometry.relaxation import Relaxation, lame
 
 if TYPE_CHECKING:
     import skfem
@@ -291,6 +292,24 @@ def press_limits(design: Design, magnet: Magnet) -> tuple[float, float]:
     rigid = magnet == "rigid"
     first = min(PRESS_DEPTH * design.D, PRESS_SHARE * (design.R - design.magnet_height / 2 if rigid else design.L))
     return first, min(DEEP_RATIO * first, DEEP_SHARE * silicone_on_axis(design, magnet))
+
+
+def relaxed(design: Design, relaxation: Relaxation) -> Design:
+    """Return the design whose E and nu are those at rest: the bulk modulus stays, the shear modulus relaxes.
+
+    >>> from geometry.design import paper
+    >>> from geometry.relaxation import Relaxation
+    >>> import dataclasses
+    >>> relaxed(dataclasses.replace(paper(), nu=0.5, modulus="instantaneous"), Relaxation((0.5,), (1.0,))).E
+    0.5
+    """
+    if design.modulus == "long-term" or relaxation.rest == 1:
+        return design
+    mu, inverse_K = lame(design.E, design.nu)
+    mu *= relaxation.rest
+    # 9 / E = 3 / mu + 1 / K and 2 mu (1 + nu) = E
+    E = 9 / (3 / mu + inverse_K)
+    return dataclasses.replace(design, E=E, nu=E / (2 * mu) - 1)
 
 
 def check_glued(design: Design, depth: float, magnet: Magnet) -> None:

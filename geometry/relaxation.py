@@ -255,6 +255,15 @@ def moduli(design: Silicone) -> tuple[float, float]:
     return (E, E * rest) if design.modulus == "instantaneous" else (E / rest, E)
 
 
+def lame(E: float, nu: float) -> tuple[float, float]:
+    """Return the shear modulus and the inverse of the bulk modulus (0 for nu = 0.5).
+
+    >>> lame(3.0, 0.5)
+    (1.0, 0.0)
+    """
+    return E / (2 * (1 + nu)), 3 * (1 - 2 * nu) / E
+
+
 def relaxation_notes(design: Silicone) -> list[str]:
     """Return sentences: which modulus E is, where the branches come from, and what is assumed.
 

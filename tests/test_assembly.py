@@ -7,7 +7,6 @@ import pytest
 import skfem
 
 from fem.model import angular_fields, elements, gradient_recovery, material, rigid_inclusion
-from fem.model.material import lame
 from fem.model.nonlinear_system import NONE, System
 from fem.model.plate_contact import Bond, Plate
 from fem.model.symmetry_models import MeshSpecification
@@ -15,6 +14,7 @@ from fem.solve.direct_solver import Solver
 from fem.solve.newton import newton
 from geometry.bad_input import MeshError
 from geometry.design import Design
+from geometry.relaxation import lame
 from geometry.section import section
 
 RNG = np.random.default_rng(2)

@@ -7,13 +7,13 @@ import pytest
 
 from fem.analyses.time_steps import product_weights
 from fem.model import material, viscoelasticity
-from fem.model.material import evaluate, lame, law, neo_hookean, ogden, strains
+from fem.model.material import evaluate, law, neo_hookean, ogden, strains
 from fem.model.nonlinear_system import State, System
 from fem.model.symmetry_models import MeshSpecification
 from fem.model.viscoelasticity import History, PointState, ViscousLaw
 from geometry.arrays import Array
 from geometry.design import paper
-from geometry.relaxation import Relaxation
+from geometry.relaxation import Relaxation, lame
 
 RNG = np.random.default_rng(1)
 

@@ -13,7 +13,6 @@ from analytic.oscillator import moving_mass, natural_frequency, receptance, spri
 from fem.accuracy import QUICK, STANDARD
 from fem.analyses import modes
 from fem.model import angular_fields, elements
-from fem.model.material import lame
 from fem.model.nonlinear_system import System
 from fem.model.symmetry_models import on_axis
 from fem.results.error_estimates import error_rule, relative_error
@@ -21,6 +20,7 @@ from fem.scene import Scene
 from fem.solve.newton import NoStateError
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load
+from geometry.relaxation import lame
 from geometry.section import section
 
 NU = 0.4998

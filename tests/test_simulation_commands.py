@@ -35,7 +35,7 @@ def test_stability_says_when_and_how_stiff(run, strict, monkeypatch):
     assert status == 0
     with monkeypatch.context() as patch:
         # what is kept needs no solve
-        patch.setattr(path_solver, "solve_task", None)
+        patch.setattr(path_solver, "solved", None)
         assert run(*command)[:2] == (status, out)
     (record,) = strict(out)
     assert 0.8 < record["critical_depth_mm"] < 0.95
@@ -359,9 +359,15 @@ def test_a_gap_that_no_loss_factor_has_is_told(run):
     assert "no loss factor up to 1 has a gap of 90 %" in err
 
 
-def test_a_fast_cycle_is_warned_of_inertia_and_is_not_yet_steady(run):
-    words = ("--depth", 0.2, "--frequency", 400, "--cycles", 1, "--accuracy", "quick")
-    status, out, err = run("cycle", "paper", *words)
+def test_a_fast_cycle_is_warned_of_inertia_and_is_not_yet_steady(run, monkeypatch):
+    words = ("cycle", "paper", "--depth", 0.2, "--frequency", 400, "--cycles", 1, "--accuracy", "quick")
+    status, out, err = run(*words)
+    with monkeypatch.context() as patch:
+        # what is kept needs no solve
+        patch.setattr(path_solver, "solved", None)
+        assert run(*words)[:2] == (status, out)
+        # another sensor on the same silicone has other readings
+        assert run(*words, "--set", "remanence=1")[1] != out
     assert status == 0
     assert "1.2 times the lowest natural frequency of the free sensor, 343 Hz" in err
     assert "the loop of cycle 1, the first one and not yet steady (--cycles), has a gap of" in out

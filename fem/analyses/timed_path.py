@@ -27,7 +27,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fem.accuracy import STANDARD, Accuracy
+from fem.accuracy import LEAST_TOLERANCE, STANDARD, Accuracy
 from fem.analyses import time_steps
 from fem.analyses.time_steps import ViscousState
 from fem.model import viscoelasticity
@@ -50,9 +50,6 @@ from geometry.relaxation import relaxation_of
 
 __all__ = ["TimeControl", "TimedLoad", "TimedState", "ViscousLaw", "follow"]
 
-LEAST_TOLERANCE = 1e-7
-"""Least permitted error of the force from the time steps: Newton's tolerance leaves errors near it, and the number of
-steps grows like the inverse of its cube root."""
 LONGEST_SHARE = 1 / 12
 """Longest step over the duration of its part, so that the energies are integrated well; the first step is half as
 long."""

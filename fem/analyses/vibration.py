@@ -49,13 +49,12 @@ from fem.analyses.modes import (
     refuse_unstable,
 )
 from fem.model import coulomb_friction, element_assembly, plate_contact, single_order
-from fem.model.material import lame
 from fem.model.nonlinear_system import Assembly, State, System
 from fem.model.plate_contact import Plate
 from fem.results.error_estimates import solve_coarser
 from fem.results.lateral_stiffness import SidewaysModel
 from fem.results.postprocess import pose_slopes, read
-from fem.scene import Model, Scene, choose_model, turns
+from fem.scene import Model, Scene, choose_model, relaxed, turns
 from fem.solution import Solution
 from fem.solve.load_case_models import path_models
 from fem.solve.load_stepping import Path
@@ -66,7 +65,7 @@ from fem.solve.reduced_basis import ACCEPTED, Complex, Problem, ReducedSystem, r
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Magnet
-from geometry.relaxation import Relaxation, relaxation_of
+from geometry.relaxation import Relaxation, lame, relaxation_of
 
 __all__ = ["VibratingSensor", "Vibration", "vibrating_sensor"]
 
@@ -350,24 +349,6 @@ class VibratingSensor:
             )
             for part in self.reduced_blocks
         }
-
-
-def relaxed(design: Design, relaxation: Relaxation) -> Design:
-    """Return the design whose E and nu are those at rest: the bulk modulus stays, the shear modulus relaxes.
-
-    >>> from geometry.design import paper
-    >>> from geometry.relaxation import Relaxation
-    >>> import dataclasses
-    >>> relaxed(dataclasses.replace(paper(), nu=0.5, modulus="instantaneous"), Relaxation((0.5,), (1.0,))).E
-    0.5
-    """
-    if design.modulus == "long-term" or relaxation.rest == 1:
-        return design
-    mu, inverse_K = lame(design.E, design.nu)
-    mu *= relaxation.rest
-    # 9 / E = 3 / mu + 1 / K and 2 mu (1 + nu) = E
-    E = 9 / (3 / mu + inverse_K)
-    return replace(design, E=E, nu=E / (2 * mu) - 1)
 
 
 def highest_frequency(design: Design, accuracy: Accuracy) -> float:

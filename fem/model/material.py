@@ -84,15 +84,6 @@ def strains(G: Array) -> tuple[Array, Array]:
     return Jm1, Hm1
 
 
-def lame(E: float, nu: float) -> tuple[float, float]:
-    """Return the shear modulus and the inverse of the bulk modulus (0 for nu = 0.5).
-
-    >>> lame(3.0, 0.5)
-    (1.0, 0.0)
-    """
-    return E / (2 * (1 + nu)), 3 * (1 - 2 * nu) / E
-
-
 @compiled
 def kinematics(G, Jm1, Hm1):
     """Write J - 1 (n,) and F^-T - 1 (9, n) of displacement gradients."""

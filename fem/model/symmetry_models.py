@@ -20,13 +20,14 @@ import skfem
 from fem.model import angular_fields, elements
 from fem.model.elements import Elements, Surface
 from fem.model.gradient_recovery import Recovery, build_recovery
-from fem.model.material import Law, lame, neo_hookean
+from fem.model.material import Law, neo_hookean
 from fem.model.nonlinear_system import System
 from fem.model.rigid_inclusion import of_section, of_solid
 from fem.scene import Scene
 from geometry.arrays import Array, Mask, read_only
 from geometry.design import Shape
 from geometry.loads import Magnet
+from geometry.relaxation import lame
 from geometry.section import FILLET, section
 
 Model = Literal["axisymmetric", "harmonic", "half", "full"]

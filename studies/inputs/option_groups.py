@@ -293,6 +293,7 @@ class Cycle:
     calibration: Calibration | None = None
     tolerance: float = 1e-3
     """Permitted error of the force from the time steps, over the largest force; at least 1e-7."""
+    store: StoreFile | None = None
     extrapolate: bool = False
     """Allow frequencies and holds for which the silicone's branches do not speak, and mark the results."""
 

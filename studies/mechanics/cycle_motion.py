@@ -13,7 +13,6 @@ from typing import Literal
 
 import numpy as np
 
-from fem.analyses.timed_path import TimedLoad
 from geometry.design import BadInput
 from geometry.loads import Load, Waveform
 
@@ -92,10 +91,11 @@ def frequency_of(speed: float | None, frequency: float | None, stroke: float) ->
 
 @dataclass(frozen=True, slots=True)
 class Stop:
-    """A load of the motion with its place in the cycle: number of the cycle from 1 (0 for the press before a shear),
-    phase, and whether it lies at mid-stroke or at an end of the stroke."""
+    """A load of the motion at a time, s, with its place in the cycle: number of the cycle from 1 (0 for the press
+    before a shear), phase, and whether it lies at mid-stroke or at an end of the stroke."""
 
-    timed: TimedLoad
+    time: float
+    load: Load
     cycle: int
     phase: Phase
     place: Literal["", "middle", "end"] = ""
@@ -108,7 +108,7 @@ def stops(motion: Motion) -> list[Stop]:
     +shear, which is the second one.
 
     >>> from geometry.loads import Load
-    >>> [round(stop.timed.load.depth, 3) for stop in stops(Motion(1.0, 0.0, "none", 0.5, cycles=1))]
+    >>> [round(stop.load.depth, 3) for stop in stops(Motion(1.0, 0.0, "none", 0.5, cycles=1))]
     [0.5, 1.0, 0.5, 0.0]
     """
     path: list[Stop] = []
@@ -122,18 +122,18 @@ def stops(motion: Motion) -> list[Stop]:
     def rest(cycle: int) -> float:
         if not motion.hold:
             return time
-        path.append(Stop(TimedLoad(time + motion.hold, path[-1].timed.load), cycle, "hold"))
+        path.append(Stop(time + motion.hold, path[-1].load, cycle, "hold"))
         return time + motion.hold
 
     if shear:
         time = motion.depth / motion.stroke * half
         pressed = Load(depth=motion.depth, shear_x=0.0, friction=motion.friction)
-        path.append(Stop(TimedLoad(time, pressed), 0, "press", "end"))
+        path.append(Stop(time, pressed, 0, "press", "end"))
         pieces = HALF // 2 if sine else 1
         for k in range(1, pieces + 1):
             time += half * (1 / pieces) / 2
             way = math.sin(math.pi / 2 * k / pieces) if sine else 1.0
-            path.append(Stop(TimedLoad(time, replace(pressed, shear_x=shear * way)), 0, "press"))
+            path.append(Stop(time, replace(pressed, shear_x=shear * way), 0, "press"))
         time = rest(0)
     # times over that of a stroke, and shares of its way, exact at mid-stroke and at the ends
     at = np.arange(1, HALF + 1) / HALF if sine else np.array([0.5, 1.0])
@@ -146,6 +146,6 @@ def stops(motion: Motion) -> list[Stop]:
             for part, share in pairs:
                 time = begin + half * part
                 place: Literal["", "middle", "end"] = "middle" if part == 0.5 else "end" if part == 1 else ""
-                path.append(Stop(TimedLoad(time, load(share if phase == "in" else 1 - share)), cycle, phase, place))
+                path.append(Stop(time, load(share if phase == "in" else 1 - share), cycle, phase, place))
             time = rest(cycle)
     return path

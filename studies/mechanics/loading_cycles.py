@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -20,16 +20,21 @@ from analytic.hall import batch_readings
 from analytic.relaxation_loops import loop
 from analytic.time_series import RelaxingForce
 from fem.accuracy import LEVELS
-from fem.analyses.timed_path import TimeControl, TimedState, follow
-from fem.equilibrium import trace
+from fem.scene import Scene
 from geometry.arrays import Array
-from geometry.bad_input import OutOfReach
+from geometry.bad_input import OutOfReach, SolveFailed
 from geometry.design import BadInput, Design
 from geometry.loads import ANSWERED, Load, Magnet, check_load
 from geometry.messages import Progress
 from geometry.relaxation import moduli, relaxation_of
 from studies.mechanics.cycle_motion import Motion, Stop, stops
+from studies.mechanics.path_solver import place
+from studies.mechanics.store import Store
+from studies.mechanics.stored_answers import asked
 from studies.output.records import FlatRow
+
+if TYPE_CHECKING:
+    from fem.analyses.timed_path import TimedState
 
 STEPS = 32
 """Least number of time steps of a stroke, so that the area of its loop is accurate to some tenths of a percent."""
@@ -51,10 +56,6 @@ Loop = dict[str, Any]
 (full scale); gap of the forces at mid-stroke, in and out; area, the work of the plate; what silicone and friction
 dissipated (the rest was stored, or, if negative, stored before and released); gap of the decoded force, and largest
 difference of the decoded and of the observed force from the force, percent of full scale, None without a magnet."""
-
-
-Passed = tuple[Stop, TimedState, bool]
-"""A state, the stop of the motion to which it leads, and whether it has reached it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,65 +110,76 @@ def outputs_of(design: Design, shifts: Array, tilts: Array) -> Array:
     return batch_readings([design], np.zeros(len(shifts), dtype=np.int64), shifts, rotations).output
 
 
-def rows_of(design: Design, passed: Sequence[Passed], static: Static) -> list[FlatRow]:
+OF_TIME = ("time_error", "work_mJ", "stored_mJ", "dissipated_mJ", "friction_dissipated_mJ")
+"""Columns of a state that the steps of time before it decide."""
+
+
+def _state_row(stop: Stop, state: TimedState, *, at_stop: bool) -> FlatRow:
+    """Return a state, at or on the way to a stop, as it is stored; it does not depend on the Hall elements."""
+    solution, r = state.solution, state.solution.response
+    energies = state.time_error, state.work, solution.energy, state.dissipated, solution.dissipated
+    return {
+        "time_s": state.time,
+        "cycle": stop.cycle,
+        "phase": stop.phase,
+        "place": stop.place if at_stop else "",
+        "depth_mm": solution.load.depth,
+        "shear_mm": solution.load.shear_x,
+        "force": list(r.force),
+        "shift": list(r.shift),
+        "rotation": list(r.rotation),
+        "tilt_rad": r.tilt,
+        "contact_radius_mm": r.contact_radius,
+        **dict(zip(OF_TIME, energies, strict=True)),
+    }
+
+
+def rows_of(design: Design, passed: Sequence[FlatRow], static: Static) -> list[FlatRow]:
     """Return the rows of cycle.csv, each with the `place` of its stop, "" on the way to it.
 
     Outputs are in V, or T for a chip. A calibrated sensor has forces of its own, and the half width of the observed
     one's 90 % interval.
     """
-    responses = [state.solution.response for _, state, _ in passed]
-    shifts, turned, force = (
-        np.array([getattr(r, name) for r in responses]) for name in ("shift", "rotation", "force")
+    shifts, turned, force, times = (
+        np.array([state[name] for state in passed]) for name in ("shift", "rotation", "force", "time_s")
     )
-    times = np.array([state.time for _, state, _ in passed])
     half_width: Array | None = None
     if static.made is not None:
         found = static.made(design, times, shifts, turned, force)
         force, outputs = found.force, found.outputs
-        axis = 0 if any(state.solution.load.shear_x for _, state, _ in passed) else 2
+        axis = 0 if any(state["shear_mm"] for state in passed) else 2
         decoded, observed, half_width = (each[:, axis] for each in (found.decoded, found.observed, found.half_width))
     else:
-        outputs = outputs_of(design, shifts, np.array([response.tilt for response in responses]))
+        outputs = outputs_of(design, shifts, np.array([state["tilt_rad"] for state in passed]))
         decoded, observed = _decoded(design, passed, outputs, static.curve)
     unit, rows = "V" if design.hall_layout == "three" else "T", []
-    for k, (stop, s, at_stop) in enumerate(passed):
-        solution, r = s.solution, s.solution.response
+    for k, state in enumerate(passed):
         rows.append({
-            "time_s": s.time,
-            "cycle": stop.cycle,
-            "phase": stop.phase,
-            "depth_mm": solution.load.depth,
-            "shear_mm": solution.load.shear_x,
+            **{name: state[name] for name in ("time_s", "cycle", "phase", "depth_mm", "shear_mm")},
             **{f"force_{axis}_N": value for axis, value in zip("xyz", force[k].tolist(), strict=True)},
-            **{f"shift_{axis}_mm": value for axis, value in zip("xyz", r.shift, strict=True)},
-            "tilt_rad": r.tilt,
-            "contact_radius_mm": r.contact_radius,
+            **{f"shift_{axis}_mm": value for axis, value in zip("xyz", state["shift"], strict=True)},
+            **{name: state[name] for name in ("tilt_rad", "contact_radius_mm")},
             **{f"S{i}_{unit}": float(value) for i, value in enumerate(outputs[k], 1)},
             "decoded_force_N": float(decoded[k]),
             "observed_force_N": float(observed[k]),
             **({} if half_width is None else {"half_width_N": float(half_width[k])}),
-            "time_error": s.time_error,
-            "work_mJ": s.work,
-            "stored_mJ": solution.energy,
-            "dissipated_mJ": s.dissipated,
-            "friction_dissipated_mJ": solution.dissipated,
-            "place": stop.place if at_stop else "",
+            **{name: state[name] for name in (*OF_TIME, "place")},
         })  # fmt: skip
     return rows
 
 
 def _decoded(
-    design: Design, passed: Sequence[Passed], outputs: Array, curve: StaticCurve | None
+    design: Design, passed: Sequence[FlatRow], outputs: Array, curve: StaticCurve | None
 ) -> tuple[Array, Array]:
     """Return decoded and observed force along the motion, (n,) each; NaN without a curve."""
     loads, axis = (np.full((len(passed), 3), np.nan), 0) if curve is None else (curve.decode(outputs), curve.axis)
     # the curve is that of the strokes: it knows no press before a shear
-    loads[[stop.phase == "press" and not state.solution.load.shear_x for stop, state, _ in passed]] = np.nan
+    loads[[state["phase"] == "press" and not state["shear_mm"] for state in passed]] = np.nan
     law = RelaxingForce(design)
     law.step(0.0, np.zeros(3), np.zeros(2))
     observed = [
-        law.step(state.time, np.array([x, 0.0, z]) / law.slow, np.array([shear, 0.0]))[[0, 2]]
-        for (_, state, _), (x, z, shear) in zip(passed, loads, strict=True)
+        law.step(state["time_s"], np.array([x, 0.0, z]) / law.slow, np.array([shear, 0.0]))[[0, 2]]
+        for state, (x, z, shear) in zip(passed, loads, strict=True)
     ]
     return loads[:, axis], np.array(observed)[:, axis]
 
@@ -303,27 +315,45 @@ class Static:
     made: Made | None = None
 
 
-def static_curve(design: Design, motion: Motion, accuracy: str, magnet: Magnet) -> Static:
+def slow_loading(scene: Scene) -> dict[str, Any]:
+    """Return the states of slow loading along a motion to the load of a scene, as they are stored; a shear sticks.
+
+    "force", "shift" and "tilt" of each state; "mesh_error" as in `Static`; "stop", why they end before the load, and
+    the states are then none.
+    """
+    from fem.equilibrium import trace
+
+    (end,) = scene.loads
+    way = end.shear_x or end.depth
+    shares = np.linspace(0, 1, CURVE + 1)[1:]
+    loads = [Load(end.depth, way * share, friction="stick") if end.shear_x else Load(way * share) for share in shares]
+    solved = trace(scene.design, loads, scene.accuracy, magnet=scene.magnet, estimate=False)
+    found: dict[str, Any] = {"force": [], "shift": [], "tilt": [], "mesh_error": None, "status": "ok", "message": ""}
+    if len(solved) < CURVE or solved[-1].status not in ANSWERED:
+        return found | {"stop": solved[-1].message.split(";")[0] or solved[-1].status}
+    # estimated at the end alone, by a solve of its own: estimates at all loads would take twice as long as the curve
+    estimates = trace(scene.design, loads[-1:], scene.accuracy, magnet=scene.magnet)[-1].estimates
+    values = {name: [getattr(state.response, name) for state in solved] for name in ("force", "shift", "tilt")}
+    return found | values | {"mesh_error": estimates.sideways if end.shear_x else estimates.force, "stop": ""}
+
+
+def static_curve(design: Design, motion: Motion, accuracy: str, magnet: Magnet, store: Store) -> Static:
     """Return force and outputs of slow loading along the motion; a shear sticks to the plate.
 
     Poses do not depend on the modulus, so the relaxed forces are those of E times the long-term modulus over E.
     """
-    way = motion.shear or motion.depth
-    shares = np.linspace(0, 1, CURVE + 1)[1:]
-    loads = [
-        Load(motion.depth, way * share, friction="stick") if motion.shear else Load(way * share) for share in shares
-    ]
-    solved = trace(design, loads, LEVELS[accuracy], magnet=magnet, estimate=False)
-    if len(solved) < CURVE or solved[-1].status not in ANSWERED:
-        return Static(None, None, solved[-1].message.split(";")[0] or solved[-1].status)
-    relaxed = moduli(design)[1] / design.E_now
-    rows = [(*(relaxed * state.response.force[i] for i in (0, 2)), state.load.shear_x) for state in solved]
-    load = np.array([(0.0, 0.0, 0.0), *rows])
-    shift = np.array([np.zeros(3), *(state.response.shift for state in solved)])
-    tilt = np.array([0.0, *(state.response.tilt for state in solved)])
-    # estimated at the end alone, by a solve of its own: estimates at all loads would take twice as long as the curve
-    estimates = trace(design, loads[-1:], LEVELS[accuracy], magnet=magnet)[-1].estimates
-    error = estimates.sideways if motion.shear else estimates.force
+    end = Load(motion.depth, motion.shear, friction="stick" if motion.shear else "none")
+    answer = asked(place(Scene(design, (end,), LEVELS[accuracy], magnet), "slow loading"), store)
+    if not answer.values:
+        raise SolveFailed(answer.message)
+    if answer.values["stop"]:
+        return Static(None, None, answer.values["stop"])
+    relaxed = moduli(design)[1] / design.E
+    ways = np.linspace(0, 1, CURVE + 1) * motion.shear
+    force, shift, tilt = (np.array(answer.values[name]) for name in ("force", "shift", "tilt"))
+    load = np.column_stack([np.zeros((CURVE + 1, 2)), ways])
+    load[1:, :2] = relaxed * force[:, [0, 2]]
+    shift, tilt = np.vstack([np.zeros(3), shift]), np.append(0.0, tilt)
     if motion.shear:
         # at shear 0 the pressed sensor is between both sides, which are mirror images
         shift[0], load[0, 1] = (0.0, 0.0, 2 * shift[1, 2] - shift[2, 2]), 2 * load[1, 1] - load[2, 1]
@@ -340,7 +370,55 @@ def static_curve(design: Design, motion: Motion, accuracy: str, magnet: Magnet) 
         load, shift, tilt = (np.concatenate([[v[0] + share * (v[0] - v[1])], v]) for v in (load, shift, tilt))
     outputs = outputs_of(design, shift, tilt)
     known = bool(np.isfinite(outputs).all())
-    return Static(StaticCurve(load, outputs, 0 if motion.shear else 1) if known else None, error)
+    curve = StaticCurve(load, outputs, 0 if motion.shear else 1) if known else None
+    return Static(curve, answer.values["mesh_error"])
+
+
+class MotionInterrupted(KeyboardInterrupt):
+    """Ctrl-C during a motion; `followed` is what `follow_motion` returns of the states that were reached."""
+
+    def __init__(self, followed: dict[str, Any]) -> None:
+        super().__init__()
+        self.followed = followed
+
+
+def follow_motion(
+    design: Design, motion: Motion, accuracy: str, magnet: Magnet, tolerance: float, progress: Progress
+) -> dict[str, Any]:
+    """Follow a motion, and return the states that were reached, even if the path ends early, as they are stored.
+
+    "states", with the force N, shift mm, energies mJ and so on of each; "status" and "message" of `Cycles`; "steps",
+    numbers of time steps and of degrees of freedom; "processor_s". After Ctrl-C MotionInterrupted has them.
+    """
+    begin = time.process_time()
+    passed: list[tuple[Stop, TimedState, bool]] = []
+
+    def results() -> dict[str, Any]:
+        status, message = _verdict([state for _, state, _ in passed])
+        return {
+            "states": [_state_row(stop, state, at_stop=at_stop) for stop, state, at_stop in passed],
+            "steps": [passed[-1][1].step, passed[-1][1].solution.dofs],
+            "processor_s": time.process_time() - begin,
+            "status": status,
+            "message": message,
+        }
+
+    try:
+        passed.extend(_follow(design, motion, accuracy, magnet, tolerance, progress))
+    except KeyboardInterrupt:
+        if passed:
+            raise MotionInterrupted(results()) from None
+        raise
+    return results()
+
+
+def cycles_of(design: Design, motion: Motion, static: Static, followed: Mapping[str, Any]) -> Cycles:
+    """Return the rows and loops of what `follow_motion` returns, with the readings of a design."""
+    rows = rows_of(design, followed["states"], static)
+    steps, dofs = followed["steps"]
+    return Cycles(
+        followed["status"], followed["message"], rows, loops_of(motion, rows), (steps, dofs), followed["processor_s"]
+    )
 
 
 def run(
@@ -351,35 +429,26 @@ def run(
     magnet: Magnet,
     tolerance: float,
     progress: Progress,
-    interrupted: list[Cycles] | None = None,
+    store: Store | None = None,
 ) -> Cycles:
-    """Follow a motion; the states that were reached are returned even if the path ends early.
-
-    `interrupted`: receives, after Ctrl-C, the results of the states that were reached.
-    """
-    begin = time.process_time()
-    passed: list[Passed] = []
-
-    def results() -> Cycles:
-        rows, last = rows_of(design, passed, static), passed[-1][1]
-        seconds = time.process_time() - begin
-        return Cycles(*_verdict(passed), rows, loops_of(motion, rows), (last.step, last.solution.dofs), seconds)
-
-    try:
-        passed.extend(_follow(design, motion, accuracy, magnet, tolerance, progress))
-    except KeyboardInterrupt:
-        if passed and interrupted is not None:
-            interrupted.append(results())
-        raise
-    return results()
+    """Return the cycles of a motion; states come from the store, and are kept there, if one is given."""
+    if store is None:
+        return cycles_of(design, motion, static, follow_motion(design, motion, accuracy, magnet, tolerance, progress))
+    scene = Scene(design, (motion.largest,), LEVELS[accuracy], magnet)
+    options = {name: getattr(motion, name) for name in ("frequency", "waveform", "cycles", "hold")}
+    answer = asked(place(scene, "cycle", options=options | {"tolerance": tolerance}), store, progress=progress)
+    if not answer.values:
+        raise SolveFailed(answer.message)
+    followed = {**answer.values, "status": answer.status, "message": answer.message}
+    return cycles_of(design, motion, static, followed)
 
 
-def _verdict(passed: Sequence[Passed]) -> tuple[str, str]:
-    solutions = [state.solution for _, state, _ in passed]
+def _verdict(states: Sequence[TimedState]) -> tuple[str, str]:
+    solutions = [state.solution for state in states]
     if failed := [solution for solution in solutions if solution.status == "not_converged"]:
         return failed[0].status, failed[0].message
     for status in ("unstable", "unknown"):
-        if found := [state for _, state, _ in passed if state.solution.status == status]:
+        if found := [state for state in states if state.solution.status == status]:
             return status, f"{found[0].solution.message}, first at {found[0].time:.4g} s"
     # of stable states the one with the largest strain says what limits the use of all
     strained = max(solutions, key=lambda solution: solution.facts.largest_strain or 0.0)
@@ -394,7 +463,10 @@ def _follow(
     magnet: Magnet,
     tolerance: float,
     progress: Progress,
-) -> Iterator[Passed]:
+) -> Iterator[tuple[Stop, TimedState, bool]]:
+    """Yield each state with the stop of the motion to which it leads, and whether it has reached it."""
+    from fem.analyses.timed_path import TimeControl, TimedLoad, follow
+
     path = stops(motion)
     check_load(design, motion.largest, magnet)
     ahead = iter(path)
@@ -402,15 +474,15 @@ def _follow(
     longest = motion.half / STEPS if not motion.hold else max(motion.half / STEPS, motion.hold / STEPS)
     states = follow(
         design,
-        [one.timed for one in path],
+        [TimedLoad(one.time, one.load) for one in path],
         LEVELS[accuracy],
         steps=TimeControl(tolerance, longest),
         magnet=magnet,
         every_step=True,
     )
     for state in states:
-        progress(state.time / path[-1].timed.time, f"cycle {max(stop.cycle, 1)} of {motion.cycles}")
-        reached = state.time >= stop.timed.time and state.solution.status != "not_converged"
+        progress(state.time / path[-1].time, f"cycle {max(stop.cycle, 1)} of {motion.cycles}")
+        reached = state.time >= stop.time and state.solution.status != "not_converged"
         yield stop, state, reached
         if reached and (following := next(ahead, None)) is not None:
             stop = following

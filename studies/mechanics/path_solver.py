@@ -45,7 +45,7 @@ from studies.mechanics.timed_quantities import STILL, PlateMotion
 from studies.output.provenance import versions
 from studies.quantities import QUANTITIES, Path, stored_parts, stored_values
 
-Kind = Literal["states", "small shear"] | Path
+Kind = Literal["states", "small shear", "slow loading"] | Path
 """What a path holds."""
 KINDS: dict[str, Kind] = {name: each.path for name, each in QUANTITIES.items() if each.path}
 """Quantities that are paths of their own in the store."""
@@ -62,7 +62,8 @@ class Place:
     scene : the case as it is solved, with a single load.
     direction : direction of the case's shear, to which the answer is turned.
     motion : of the plate, of cycles only; other answers do not depend on it.
-    options : what else is asked: "guided" (True) of a critical depth, "count" of modes.
+    options : what else is asked: "guided" (True) of a critical depth, "count" of modes; of cycles, in place of a
+        motion, "frequency", "waveform", "cycles", "hold" and "tolerance", for all states and not only the last loop.
     """
 
     scene: Scene
@@ -80,12 +81,14 @@ class Place:
         if kind == "response":
             return timed_quantities.response_content(scene)
         if kind == "cycle":
-            return timed_quantities.cycle_content(scene, self.motion)
+            return timed_quantities.cycle_content(scene, self.motion, self.options)
         values = scene.dimensionless() | {"estimates": ESTIMATES}
         loads, load = values.pop("loads"), scene.loads[0]
         first = loads[0]
         if kind == "critical depth":
             return values | {"quantity": kind, "physics": PHYSICS[kind], **self.options}
+        if kind == "slow loading":
+            return timed_quantities.slow_content(scene)
         if kind == "small shear":
             return values | {"quantity": kind, "load": {"depth": first["depth"]}, "physics": PHYSICS[scene.model]}
         if kind == "modes":
@@ -120,6 +123,9 @@ def place(
         alone, direction = _canonical(scene, load)
         return Place(replace(scene, loads=(alone,)), kind, position_of(alone, D), direction)
     sections = replace(scene, model="auto")
+    if kind == "slow loading" or (kind == "cycle" and options):
+        # with the direction of their shear along x, and in the units of the design
+        return Place(sections, kind, (0.0, 0.0), options=options or {})
     along_x = replace(sections, loads=(_canonical(sections, load)[0],))
     if kind == "cycle":
         timed_quantities.cycle_of(along_x, motion)
@@ -266,7 +272,7 @@ def solved(task: Task, progress: Progress | None = None) -> Iterator[Reached]:
     A load on which the path stops is tried again in smaller steps, and those behind it with it.
     """
     if task.kind != "states":
-        yield _single(task), None
+        yield _single(task, progress), None
         return
     scene, left, reached = task.scene, list(task.scene.loads), list(task.solved)
     steps = list[Load]()
@@ -455,11 +461,11 @@ def unsolved(task: Task, reason: str) -> list[State]:
     return [_stored(task.scene, load, "transient", "worker_died", answer, **more) for load in loads]
 
 
-def _single(task: Task) -> State:
+def _single(task: Task, progress: Progress | None = None) -> State:
     begin = time.perf_counter()
     result: Outcome = "ok"
     try:
-        values = SINGLE[task.kind](task)
+        values = SINGLE[task.kind](task, progress or _silent)
         status, message = values.pop("status"), values.pop("message")
     except SolveFailed as error:
         values, result, message = {}, "failed", str(error)
@@ -469,7 +475,11 @@ def _single(task: Task) -> State:
     return _stored(task.scene, None, result, status, answer, time.perf_counter() - begin, task.motion, task.options)
 
 
-def _critical(task: Task) -> dict[str, Any]:
+def _silent(fraction: float, text: str) -> None:
+    """Report nothing."""
+
+
+def _critical(task: Task, _: Progress) -> dict[str, Any]:
     from fem.analyses import stability
 
     design = task.scene.design
@@ -487,7 +497,7 @@ def _critical(task: Task) -> dict[str, Any]:
     }
 
 
-def _small_shear(task: Task) -> dict[str, Any]:
+def _small_shear(task: Task, _: Progress) -> dict[str, Any]:
     """Return the response to a small shear about a press, per length of it: stiffness over E D, tilt times D."""
     from fem.analyses import small_shear
 
@@ -507,7 +517,7 @@ def _small_shear(task: Task) -> dict[str, Any]:
     }
 
 
-def _modes(task: Task) -> dict[str, Any]:
+def _modes(task: Task, _: Progress) -> dict[str, Any]:
     """Return the lowest natural frequencies about a press: f D (rho / E)^(1/2), with rho in kg/m^3."""
     from fem.analyses.modes import modes
 
@@ -557,12 +567,19 @@ def answer(state: State, edge: float) -> Answer:
     )
 
 
-SINGLE: dict[Kind, Callable[[Task], dict[str, Any]]] = {
+def _slow_loading(task: Task, _: Progress) -> dict[str, Any]:
+    from studies.mechanics import loading_cycles
+
+    return loading_cycles.slow_loading(task.scene)
+
+
+SINGLE: dict[Kind, Callable[[Task, Progress], dict[str, Any]]] = {
     "critical depth": _critical,
     "small shear": _small_shear,
     "modes": _modes,
-    "response": lambda task: timed_quantities.solve_response(task.scene),
-    "cycle": lambda task: timed_quantities.solve_cycle(task.scene, task.motion),
+    "response": lambda task, _: timed_quantities.solve_response(task.scene),
+    "cycle": lambda task, progress: timed_quantities.solve_cycle(task.scene, task.motion, task.options, progress),
+    "slow loading": _slow_loading,
 }
 """Solves of the quantities that are paths of their own; each returns its values, status, message and, where there
 is one, estimated relative error."""

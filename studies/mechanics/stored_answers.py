@@ -20,7 +20,7 @@ from studies.mechanics.path_solver import Answer, Place
 from studies.mechanics.store import Position, Store, as_stored
 
 
-def asked(place: Place, store: Store, values: Iterable[str] = ()) -> Answer:
+def asked(place: Place, store: Store, values: Iterable[str] = (), progress: Progress | None = None) -> Answer:
     """Return the only answer of a path, for the design of its place.
 
     What failed because a process died is solved again.
@@ -29,7 +29,8 @@ def asked(place: Place, store: Store, values: Iterable[str] = ()) -> Answer:
     """
     state = store.states(place.content).get(place.at)
     if state is None or state.outcome == "transient" or path_solver.lacks(state, values):
-        store.add(place.content, path_solver.solve_task(path_solver.task(1, place, [place.at])))
+        ((solved, _),) = path_solver.solved(path_solver.task(1, place, [place.at]), progress)
+        store.add(place.content, [solved])
         # read as it is stored, so that it has the same digits the next time
         state = store.states(place.content)[place.at]
     design = place.scene.design

@@ -18,21 +18,20 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from fem.accuracy import Accuracy
 from fem.physics_version import PHYSICS
-from fem.scene import Scene
+from fem.scene import Scene, relaxed
 from geometry.arrays import Array
 from geometry.bad_input import SolveFailed
 from geometry.design import BadInput, Design
 from geometry.loads import ANSWERED
+from geometry.messages import Progress
 from geometry.relaxation import Relaxation, range_sentence, relaxation_of
-
-if TYPE_CHECKING:
-    from studies.mechanics.cycle_motion import Motion
+from studies.mechanics.cycle_motion import Motion, frequency_of
 
 TIMED = ("response", "cycle")
 """Quantities that depend on time."""
@@ -88,7 +87,7 @@ def rest_scene(scene: Scene, frequency: float | None = None) -> Scene:
 
     A frequency, Hz, must lie in its band.
     """
-    from fem.analyses.vibration import check_vibration, relaxed
+    from fem.analyses.vibration import check_vibration
 
     design, (load,) = scene.design, scene.loads
     if load.grip is not None or load.plate_tilt or load.coulomb is not None or load.shear_y:
@@ -223,8 +222,6 @@ TOLERANCE = 1e-3
 
 def cycle_of(scene: Scene, motion: PlateMotion) -> Motion:
     """Return the cycles of a scene whose load is in its canonical form, with a shear along x only."""
-    from studies.mechanics.cycle_motion import Motion, frequency_of
-
     (load,) = scene.loads
     if load.grip is not None or load.plate_tilt or load.imperfection or load.shear_y:
         raise BadInput(
@@ -244,10 +241,14 @@ def cycle_of(scene: Scene, motion: PlateMotion) -> Motion:
     return cycle
 
 
-def cycle_content(scene: Scene, motion: PlateMotion) -> dict[str, Any]:
-    """Return everything on which the cycles of a scene depend."""
-    cycle = cycle_of(scene, motion)
+def cycle_content(scene: Scene, motion: PlateMotion, options: Mapping[str, Any]) -> dict[str, Any]:
+    """Return everything on which the cycles of a scene depend; with the options of all states, design and time have
+    their units."""
     relaxation = relaxation_of(scene.design)
+    if options:
+        own = {"branches": branches(relaxation, 1.0), "modulus": scene.design.modulus, **_units(scene.design)}
+        return _content(scene, "cycle", own | dict(options))
+    cycle = cycle_of(scene, motion)
     load = {
         "friction": cycle.friction,
         "branches": branches(relaxation, cycle.frequency),
@@ -258,18 +259,33 @@ def cycle_content(scene: Scene, motion: PlateMotion) -> dict[str, Any]:
     return _content(scene, "cycle", load)
 
 
-def solve_cycle(scene: Scene, motion: PlateMotion) -> dict[str, Any]:
-    """Follow the cycles.
+def _units(design: Design) -> dict[str, float]:
+    return {"D_mm": design.D, "E_MPa": design.E_now}
 
-    Of the last loop: "gap_percent" at mid-stroke, in percent of full scale; "area_over_ED3"; "largest_over_ED2", the
-    largest force along the motion. "error_estimate": relative, of the force. "status" and "message" of the path.
-    Rounding hides that the loop of an elastic sensor is not quite closed. A state that is not reached raises
+
+def slow_content(scene: Scene) -> dict[str, Any]:
+    """Return everything on which the curve of slow loading to the load of a scene depends."""
+    content = _content(scene, "cycle", _units(scene.design))
+    return content | {"quantity": "slow loading", "physics": PHYSICS[scene.model]}
+
+
+def solve_cycle(scene: Scene, motion: PlateMotion, options: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
+    """Follow the cycles; with options return what `loading_cycles.follow_motion` does.
+
+    Else, of the last loop: "gap_percent" at mid-stroke, in percent of full scale; "area_over_ED3";
+    "largest_over_ED2", the largest force along the motion. "error_estimate": relative, of the force. "status" and
+    "message" of the path. Rounding hides that the loop of an elastic sensor is not quite closed. A state that is not reached raises
     SolveFailed.
     """
-    from studies.mechanics.loading_cycles import Static, run
+    from studies.mechanics.loading_cycles import Static, follow_motion, run
 
+    if options:
+        (load,), given = scene.loads, dict(options)
+        tolerance = given.pop("tolerance")
+        whole = Motion(load.depth, load.shear_x, load.friction, **given)
+        return follow_motion(scene.design, whole, scene.accuracy.name, scene.magnet, tolerance, progress)
     design, cycle = scene.design, cycle_of(scene, motion)
-    cycles = run(design, cycle, Static(), scene.accuracy.name, scene.magnet, TOLERANCE, lambda *_: None)
+    cycles = run(design, cycle, Static(), scene.accuracy.name, scene.magnet, TOLERANCE, progress)
     if cycles.status not in ANSWERED or len(cycles.loops) < CYCLES:
         raise SolveFailed(f"{cycles.status}: {cycles.message}")
     last, unit = cycles.loops[-1], design.E_now * design.D**2

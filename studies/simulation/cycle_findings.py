@@ -8,15 +8,21 @@ from functools import partial
 from pathlib import Path
 
 from analytic.relaxation_loops import loop
-from geometry.bad_input import OutOfReach
+from fem.accuracy import LEAST_TOLERANCE, QUICK
+from fem.scene import Scene, relaxed
+from geometry.bad_input import OutOfReach, SolveFailed
 from geometry.design import BadInput, Design
-from geometry.loads import Magnet, check_load
+from geometry.loads import Load, Magnet, check_load
 from geometry.messages import Progress
 from geometry.relaxation import check_range, relaxation_notes, relaxation_of
 from studies.inputs.option_groups import Cycle
 from studies.mechanics import loading_cycles
+from studies.mechanics import store as stores
 from studies.mechanics.cycle_motion import Motion, frequency_of
-from studies.mechanics.loading_cycles import Cycles, Made, Static
+from studies.mechanics.loading_cycles import Cycles, Made, MotionInterrupted, Static
+from studies.mechanics.path_solver import frequency_unit, place
+from studies.mechanics.store import Store
+from studies.mechanics.stored_answers import asked
 from studies.output import page_templates
 from studies.output.figures import picture
 from studies.output.records import FlatRow
@@ -37,8 +43,6 @@ sentences = partial(page_templates.sentences, Path(__file__).with_name("template
 
 def study(design: Design, options: Cycle, made: Made | None = None) -> Callable[[Progress], Result]:
     """Return the study of `magtip cycle` after a check of its options; `made` is a calibrated sensor of it."""
-    from fem.analyses.timed_path import LEAST_TOLERANCE
-
     shear, hold = options.shear, options.hold
     contact = friction_of(options.friction, "stick" if shear else "none")
     frequency = frequency_of(options.speed, options.frequency, abs(2 * shear) or options.depth)
@@ -67,24 +71,26 @@ def run(
     The result repeats `warnings`, those of the options. Ctrl-C leaves the loops of the cycles that are complete.
     """
     accuracy, magnet, gap = options.elements.accuracy, options.elements.magnet, options.gap
-    cycles: Cycles | None = None
-    interrupted: list[Cycles] = []
+    cycles, static = None, Static()
     try:
-        progress(0.0, "the lowest natural frequency")
-        lowest = lowest_frequency(design, magnet)
-        progress(0.0, "the curve of slow loading")
-        static = replace(loading_cycles.static_curve(design, motion, accuracy, magnet), made=made)
+        with stores.opened(options.store) as store:
+            progress(0.0, "the lowest natural frequency")
+            lowest = lowest_frequency(design, magnet, store)
+            progress(0.0, "the curve of slow loading")
+            static = replace(loading_cycles.static_curve(design, motion, accuracy, magnet, store), made=made)
 
-        def follow(sensor: Design) -> Cycles:
-            return loading_cycles.run(
-                sensor, motion, static, accuracy, magnet, options.tolerance, progress, interrupted
-            )
+            def follow(sensor: Design) -> Cycles:
+                return loading_cycles.run(
+                    sensor, motion, static, accuracy, magnet, options.tolerance, progress, store
+                )
 
-        cycles = follow(design)
-        found = {} if gap is None else _loss_factor(design, motion, gap, follow)
-    except KeyboardInterrupt:
+            cycles = follow(design)
+            found = {} if gap is None else _loss_factor(design, motion, gap, follow)
+    except KeyboardInterrupt as stopped:
         # a run of the search for a gap has another loss factor: its loops are not those of the design
-        raise _interrupted(cycles or next(iter(interrupted), None), motion) from None
+        if cycles is None and isinstance(stopped, MotionInterrupted):
+            cycles = loading_cycles.cycles_of(design, motion, static, stopped.followed)
+        raise _interrupted(cycles, motion) from None
     warned = [*warnings, *inertia(motion, lowest), *doubts(static, cycles)]
     return _result(design, cycles, found, notes(design, motion, static, cycles, lowest), warned, motion)
 
@@ -135,13 +141,14 @@ def _loss_factor(design: Design, motion: Motion, gap: float, follow: Callable[[D
     return {"gap_percent": row["gap_percent"], "loss_factor_of_gap": factor, "sentence": said}
 
 
-def lowest_frequency(design: Design, magnet: Magnet) -> float:
+def lowest_frequency(design: Design, magnet: Magnet, store: Store) -> float:
     """Return the lowest natural frequency of the free sensor, Hz, undamped, with the long-term modulus, at quick."""
-    from fem.accuracy import QUICK
-    from fem.analyses.modes import modes
-    from fem.analyses.vibration import relaxed
-
-    return modes(relaxed(design, relaxation_of(design)), magnet, 1, accuracy=QUICK, estimate=False).frequency[0]
+    at_rest = relaxed(design, relaxation_of(design))
+    answer = asked(place(Scene(at_rest, (Load(),), QUICK, magnet), "modes", options={"count": 1}), store)
+    if not answer.values:
+        raise SolveFailed(answer.message)
+    (lowest,) = answer.values["frequency"]
+    return float(lowest) * frequency_unit(at_rest.D, at_rest.E_now, at_rest.density)
 
 
 def inertia(motion: Motion, lowest: float) -> list[str]:

@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from analytic import beam
 from analytic.hall import batch_readings
 from analytic.parts import element_names
+from fem.scene import relaxed
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.loads import ANSWERED, Load, rotation_of
@@ -397,8 +398,6 @@ def _add_cycles(found: Answers, model: str, plan: Plan, batch: Batch, answers: S
 
 def _vibration(plan: Plan, problem: Problem, answer: Answer) -> tuple[float, ...]:
     """Return gain, phase, bandwidth, resonance and Q of a problem; NaN for what it does not have."""
-    from fem.analyses.vibration import relaxed
-
     values, design = answer.values, problem.design
     if not values or design is None or plan.reference is None:
         return (NAN,) * 5

@@ -18,8 +18,9 @@ import numpy as np
 
 from analytic import relaxation_loops
 from fem.accuracy import LEVELS
-from fem.analyses.vibration import VibratingSensor, check_vibration, highest_frequency, relaxed, vibrating_sensor
+from fem.analyses.vibration import VibratingSensor, check_vibration, highest_frequency, vibrating_sensor
 from fem.results.error_estimates import VibrationQuantity, estimate_vibration
+from fem.scene import relaxed
 from fem.solve import load_increments
 from geometry.arrays import Array
 from geometry.design import BadInput, Design

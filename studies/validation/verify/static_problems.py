@@ -23,7 +23,6 @@ from fem.analyses.modes import eigen
 from fem.equilibrium import trace
 from fem.model import angular_fields, elements, material, plate_contact
 from fem.model.elements import Elements
-from fem.model.material import lame
 from fem.model.nonlinear_system import State, System
 from fem.model.plate_contact import SECTION_KAPPA
 from fem.model.symmetry_models import MeshSpecification, on_axis
@@ -34,6 +33,7 @@ from geometry.arrays import Array
 from geometry.bad_input import SolveFailed
 from geometry.design import paper
 from geometry.loads import Load, Magnet
+from geometry.relaxation import lame
 
 Mask = NDArray[np.bool_]
 
