@@ -22,15 +22,12 @@ from analytic.time_series import RelaxingForce
 from fem.accuracy import LEVELS
 from fem.scene import Scene
 from geometry.arrays import Array
-from geometry.bad_input import OutOfReach, SolveFailed
+from geometry.bad_input import OutOfReach
 from geometry.design import BadInput, Design
 from geometry.loads import ANSWERED, Load, Magnet, check_load
 from geometry.messages import Progress
-from geometry.relaxation import moduli, relaxation_of
+from geometry.relaxation import relaxation_of
 from studies.mechanics.cycle_motion import Motion, Stop, stops
-from studies.mechanics.path_solver import place
-from studies.mechanics.store import Store
-from studies.mechanics.stored_answers import asked
 from studies.output.records import FlatRow
 
 if TYPE_CHECKING:
@@ -337,43 +334,6 @@ def slow_loading(scene: Scene) -> dict[str, Any]:
     return found | values | {"mesh_error": estimates.sideways if end.shear_x else estimates.force, "stop": ""}
 
 
-def static_curve(design: Design, motion: Motion, accuracy: str, magnet: Magnet, store: Store) -> Static:
-    """Return force and outputs of slow loading along the motion; a shear sticks to the plate.
-
-    Poses do not depend on the modulus, so the relaxed forces are those of E times the long-term modulus over E.
-    """
-    end = Load(motion.depth, motion.shear, friction="stick" if motion.shear else "none")
-    answer = asked(place(Scene(design, (end,), LEVELS[accuracy], magnet), "slow loading"), store)
-    if not answer.values:
-        raise SolveFailed(answer.message)
-    if answer.values["stop"]:
-        return Static(None, None, answer.values["stop"])
-    relaxed = moduli(design)[1] / design.E
-    ways = np.linspace(0, 1, CURVE + 1) * motion.shear
-    force, shift, tilt = (np.array(answer.values[name]) for name in ("force", "shift", "tilt"))
-    load = np.column_stack([np.zeros((CURVE + 1, 2)), ways])
-    load[1:, :2] = relaxed * force[:, [0, 2]]
-    shift, tilt = np.vstack([np.zeros(3), shift]), np.append(0.0, tilt)
-    if motion.shear:
-        # at shear 0 the pressed sensor is between both sides, which are mirror images
-        shift[0], load[0, 1] = (0.0, 0.0, 2 * shift[1, 2] - shift[2, 2]), 2 * load[1, 1] - load[2, 1]
-        mirror = shift[:0:-1] * [-1, 1, 1]
-        load, shift, tilt = (
-            np.concatenate([load[:0:-1] * [-1, 1, -1], load]),
-            np.concatenate([mirror, shift]),
-            np.concatenate([-tilt[:0:-1], tilt]),
-        )
-    # in a fast motion the magnet can go a little further than in slow loading to the same end: straight on
-    share = BEYOND * CURVE
-    load, shift, tilt = (np.concatenate([v, [v[-1] + share * (v[-1] - v[-2])]]) for v in (load, shift, tilt))
-    if motion.shear:
-        load, shift, tilt = (np.concatenate([[v[0] + share * (v[0] - v[1])], v]) for v in (load, shift, tilt))
-    outputs = outputs_of(design, shift, tilt)
-    known = bool(np.isfinite(outputs).all())
-    curve = StaticCurve(load, outputs, 0 if motion.shear else 1) if known else None
-    return Static(curve, answer.values["mesh_error"])
-
-
 class MotionInterrupted(KeyboardInterrupt):
     """Ctrl-C during a motion; `followed` is what `follow_motion` returns of the states that were reached."""
 
@@ -429,18 +389,9 @@ def run(
     magnet: Magnet,
     tolerance: float,
     progress: Progress,
-    store: Store | None = None,
 ) -> Cycles:
-    """Return the cycles of a motion; states come from the store, and are kept there, if one is given."""
-    if store is None:
-        return cycles_of(design, motion, static, follow_motion(design, motion, accuracy, magnet, tolerance, progress))
-    scene = Scene(design, (motion.largest,), LEVELS[accuracy], magnet)
-    options = {name: getattr(motion, name) for name in ("frequency", "waveform", "cycles", "hold")}
-    answer = asked(place(scene, "cycle", options=options | {"tolerance": tolerance}), store, progress=progress)
-    if not answer.values:
-        raise SolveFailed(answer.message)
-    followed = {**answer.values, "status": answer.status, "message": answer.message}
-    return cycles_of(design, motion, static, followed)
+    """Follow a motion, and return its cycles, also if the path ends early."""
+    return cycles_of(design, motion, static, follow_motion(design, motion, accuracy, magnet, tolerance, progress))
 
 
 def _verdict(states: Sequence[TimedState]) -> tuple[str, str]:

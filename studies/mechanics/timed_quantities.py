@@ -274,8 +274,8 @@ def solve_cycle(scene: Scene, motion: PlateMotion, options: Mapping[str, Any], p
 
     Else, of the last loop: "gap_percent" at mid-stroke, in percent of full scale; "area_over_ED3";
     "largest_over_ED2", the largest force along the motion. "error_estimate": relative, of the force. "status" and
-    "message" of the path. Rounding hides that the loop of an elastic sensor is not quite closed. A state that is not reached raises
-    SolveFailed.
+    "message" of the path. Rounding hides that the loop of an elastic sensor is not quite closed. A state that is not
+    reached raises SolveFailed.
     """
     from studies.mechanics.loading_cycles import Static, follow_motion, run
 

@@ -7,6 +7,8 @@ from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 
+import numpy as np
+
 from analytic.relaxation_loops import loop
 from fem.accuracy import LEAST_TOLERANCE, QUICK
 from fem.scene import Scene, relaxed
@@ -14,12 +16,12 @@ from geometry.bad_input import OutOfReach, SolveFailed
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Magnet, check_load
 from geometry.messages import Progress
-from geometry.relaxation import check_range, relaxation_notes, relaxation_of
-from studies.inputs.option_groups import Cycle
+from geometry.relaxation import check_range, moduli, relaxation_notes, relaxation_of
+from studies.inputs.option_groups import Cycle, Elements
 from studies.mechanics import loading_cycles
 from studies.mechanics import store as stores
 from studies.mechanics.cycle_motion import Motion, frequency_of
-from studies.mechanics.loading_cycles import Cycles, Made, MotionInterrupted, Static
+from studies.mechanics.loading_cycles import BEYOND, CURVE, Cycles, Made, MotionInterrupted, Static, StaticCurve
 from studies.mechanics.path_solver import frequency_unit, place
 from studies.mechanics.store import Store
 from studies.mechanics.stored_answers import asked
@@ -70,19 +72,17 @@ def run(
 
     The result repeats `warnings`, those of the options. Ctrl-C leaves the loops of the cycles that are complete.
     """
-    accuracy, magnet, gap = options.elements.accuracy, options.elements.magnet, options.gap
+    elements, gap = options.elements, options.gap
     cycles, static = None, Static()
     try:
         with stores.opened(options.store) as store:
             progress(0.0, "the lowest natural frequency")
-            lowest = lowest_frequency(design, magnet, store)
+            lowest = lowest_frequency(design, elements.magnet, store)
             progress(0.0, "the curve of slow loading")
-            static = replace(loading_cycles.static_curve(design, motion, accuracy, magnet, store), made=made)
+            static = replace(static_curve(design, motion, elements, store), made=made)
 
             def follow(sensor: Design) -> Cycles:
-                return loading_cycles.run(
-                    sensor, motion, static, accuracy, magnet, options.tolerance, progress, store
-                )
+                return kept_cycles(sensor, motion, static, elements, options.tolerance, store, progress)
 
             cycles = follow(design)
             found = {} if gap is None else _loss_factor(design, motion, gap, follow)
@@ -139,6 +139,62 @@ def _loss_factor(design: Design, motion: Motion, gap: float, follow: Callable[[D
         f"a gap of {gap:g} % of full scale in cycle {row['cycle']} belongs to a constant loss factor of {factor:.3f}"
     )
     return {"gap_percent": row["gap_percent"], "loss_factor_of_gap": factor, "sentence": said}
+
+
+def static_curve(design: Design, motion: Motion, elements: Elements, store: Store) -> Static:
+    """Return force and outputs of slow loading along the motion; a shear sticks to the plate.
+
+    Poses do not depend on the modulus, so the relaxed forces are those of E times the long-term modulus over E.
+    """
+    end = Load(motion.depth, motion.shear, friction="stick" if motion.shear else "none")
+    answer = asked(place(Scene(design, (end,), elements.level, elements.magnet), "slow loading"), store)
+    if not answer.values:
+        raise SolveFailed(answer.message)
+    if answer.values["stop"]:
+        return Static(None, None, answer.values["stop"])
+    relaxed = moduli(design)[1] / design.E
+    ways = np.linspace(0, 1, CURVE + 1) * motion.shear
+    force, shift, tilt = (np.array(answer.values[name]) for name in ("force", "shift", "tilt"))
+    load = np.column_stack([np.zeros((CURVE + 1, 2)), ways])
+    load[1:, :2] = relaxed * force[:, [0, 2]]
+    shift, tilt = np.vstack([np.zeros(3), shift]), np.append(0.0, tilt)
+    if motion.shear:
+        # at shear 0 the pressed sensor is between both sides, which are mirror images
+        shift[0], load[0, 1] = (0.0, 0.0, 2 * shift[1, 2] - shift[2, 2]), 2 * load[1, 1] - load[2, 1]
+        mirror = shift[:0:-1] * [-1, 1, 1]
+        load, shift, tilt = (
+            np.concatenate([load[:0:-1] * [-1, 1, -1], load]),
+            np.concatenate([mirror, shift]),
+            np.concatenate([-tilt[:0:-1], tilt]),
+        )
+    # in a fast motion the magnet can go a little further than in slow loading to the same end: straight on
+    share = BEYOND * CURVE
+    load, shift, tilt = (np.concatenate([v, [v[-1] + share * (v[-1] - v[-2])]]) for v in (load, shift, tilt))
+    if motion.shear:
+        load, shift, tilt = (np.concatenate([[v[0] + share * (v[0] - v[1])], v]) for v in (load, shift, tilt))
+    outputs = loading_cycles.outputs_of(design, shift, tilt)
+    known = bool(np.isfinite(outputs).all())
+    curve = StaticCurve(load, outputs, 0 if motion.shear else 1) if known else None
+    return Static(curve, answer.values["mesh_error"])
+
+
+def kept_cycles(
+    design: Design,
+    motion: Motion,
+    static: Static,
+    elements: Elements,
+    tolerance: float,
+    store: Store,
+    progress: Progress,
+) -> Cycles:
+    """Return the cycles of a motion, whose states come from the store or are kept there."""
+    scene = Scene(design, (motion.largest,), elements.level, elements.magnet)
+    options = {name: getattr(motion, name) for name in ("frequency", "waveform", "cycles", "hold")}
+    answer = asked(place(scene, "cycle", options=options | {"tolerance": tolerance}), store, progress=progress)
+    if not answer.values:
+        raise SolveFailed(answer.message)
+    followed = {**answer.values, "status": answer.status, "message": answer.message}
+    return loading_cycles.cycles_of(design, motion, static, followed)
 
 
 def lowest_frequency(design: Design, magnet: Magnet, store: Store) -> float:

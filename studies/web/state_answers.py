@@ -21,15 +21,19 @@ from analytic import beam, hall
 from analytic.inverse.forward_model import slopes_at
 from analytic.parts import of_design
 from fem.accuracy import LEVELS
-from fem.analyses import modes, stability
 from fem.equilibrium import trace
+from fem.scene import Scene
 from fem.solution import Solution
 from geometry.arrays import Array
+from geometry.bad_input import SolveFailed
 from geometry.design import BadInput, Design
 from geometry.loads import ANSWERED, Load, Magnet, Response
 from studies import quantities
 from studies.beam import surrogate_range, surrogate_response
+from studies.mechanics import path_solver
+from studies.mechanics import store as stores
 from studies.mechanics.path_solver import frequency_unit
+from studies.mechanics.stored_answers import asked
 from studies.simulation import state_rows
 from studies.simulation.compare import default_loads
 from studies.web.explorer_state import ExplorerState
@@ -354,23 +358,33 @@ def _stability(numbers: Data, source: str, message: str, *more: Data) -> Data:
 
 def by_finite_elements(design: Design, magnet: Magnet, level: str) -> Data:
     """Return the answers of finite elements, with error estimates as half widths."""
-    critical = stability.critical(design, magnet, accuracy=LEVELS[level])
-    message, first = critical.message, modes.Modes((), ())
-    try:
-        first = modes.modes(design, magnet, 1, accuracy=LEVELS[level])
-    except BadInput as error:
-        message = "; ".join(text for text in (message, str(error)) if text)
-    frequency = first.frequency[0] if first.frequency else None
-    share = first.estimates[0] if first.estimates else None
-    estimates = critical.estimates
+    scene = Scene(design, (Load(),), LEVELS[level], magnet)
+    with stores.opened(None) as store:
+        critical = asked(path_solver.place(scene, "critical depth"), store, ["force_error_estimate"])
+        first = asked(path_solver.place(scene, "modes", options={"count": 1}), store, ["estimates"])
+    if not critical.values:
+        raise SolveFailed(critical.message)
+    message = "; ".join(filter(None, (critical.message, first.message)))
+    D, E, values = design.D, design.E_now, critical.values
+    depth, N, stable_to = (
+        None if values[name] is None else unit * values[name]
+        for name, unit in (
+            ("critical_depth_over_D", D),
+            ("critical_force_over_ED2", E * D**2),
+            ("stable_to_over_D", D),
+        )
+    )
+    error = None if math.isnan(critical.error_estimate) else critical.error_estimate
+    (frequency,), (share,) = (first.values.get(name, [None]) for name in ("frequency", "estimates"))
+    frequency = frequency and frequency * frequency_unit(D, E, design.density)
     numbers = {
-        "critical_depth": critical.depth,
-        "estimate": _times(estimates.depth, critical.depth),
+        "critical_depth": depth,
+        "estimate": _times(error, depth),
         "first_mode_hz": frequency,
         "first_mode_estimate_hz": _times(share, frequency),
     }
-    force = number("critical force", "N", critical.force, _times(estimates.force, critical.force))
-    stable = number("stable to", "mm", critical.stable_to)
+    force = number("critical force", "N", N, _times(values["force_error_estimate"], N))
+    stable = number("stable to", "mm", stable_to)
     return _stability(numbers, "finite elements", message, force, stable)
 
 

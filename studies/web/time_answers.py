@@ -26,7 +26,10 @@ from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.loads import ANSWERED, Load, Magnet
 from geometry.relaxation import range_sentence, relaxation_of
+from studies.inputs.option_groups import Elements
+from studies.inputs.user_input import AccuracyName
 from studies.mechanics import resonance_peaks
+from studies.mechanics import store as stores
 from studies.mechanics.cycle_motion import Motion, frequency_of
 from studies.output import page_templates
 from studies.simulation import response_curves
@@ -48,7 +51,7 @@ STEP = 1e-3
 CYCLES, TOLERANCE = 2, 1e-3
 """Cycles of a loop, the last of which counts: the third differs from it by less than a thousandth. Permitted error of
 the force from the time steps."""
-LOOP_LEVEL = "quick"
+LOOP_LEVEL: AccuracyName = "quick"
 """Accuracy of the loop: its gap is a ratio of two forces of one mesh."""
 
 
@@ -234,6 +237,7 @@ def loop(state: ExplorerState, motion: Motion, made: Fit | None = None) -> Data:
     made : calibrated sensor, whose forces these are.
     """
     from studies.mechanics import loading_cycles
+    from studies.simulation import cycle_findings
 
     of_sensor = None
     if made is not None:
@@ -241,15 +245,17 @@ def loop(state: ExplorerState, motion: Motion, made: Fit | None = None) -> Data:
 
         of_sensor = partial(calibration_file.made_states, made)
 
-    cycles = loading_cycles.run(
-        state.design,
-        motion,
-        loading_cycles.Static(made=of_sensor),
-        LOOP_LEVEL,
-        state.magnet,
-        TOLERANCE,
-        lambda share, _: load_increments.report(share),
-    )
+    static, elements = loading_cycles.Static(made=of_sensor), Elements(magnet=state.magnet, accuracy=LOOP_LEVEL)
+    with stores.opened(None) as store:
+        cycles = cycle_findings.kept_cycles(
+            state.design,
+            motion,
+            static,
+            elements,
+            TOLERANCE,
+            store,
+            lambda share, _: load_increments.report(share),
+        )
     if cycles.status not in ANSWERED or len(cycles.loops) < CYCLES:
         return refusal(f"the loop is not known: {cycles.message or cycles.status}")
     last = cycles.loops[-1]
