@@ -101,7 +101,7 @@ def test_analytic_states_say_for_which_sensor_they_are(run, refusal, strict, tmp
     lines = [run("analytic", "paper", "--depth", depth, "--level", "finite", "--json")[1] for depth in (1, 2)]
     (tmp_path / "states.jsonl").write_text("".join(lines))
     (record,) = strict(lines[0])
-    assert record["made_for"] == design_digest.of_mechanics(paper())
+    assert record["made_for"] == design_digest.label(design_digest.of_mechanics(paper()))["made_for"]
     status, out, err = run("readings", "paper", "--responses", "states.jsonl", "--json")
     assert (status, err) == (0, "")
     assert strict(out)[0]["readings_T"] == record["readings_T"]

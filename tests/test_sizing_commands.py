@@ -216,7 +216,7 @@ def test_the_design_file_of_the_best_variant_has_the_same_recipe(sizing, tmp_pat
         assert size[0] == pytest.approx(first["outer_size_mm"])
     recipe = (tmp_path / "cad" / "README.md").read_text("utf-8")
     assert "Mix Smooth-Sil 940 100A:10B by weight" in recipe
-    assert "Masses are those of Smooth-Sil 940 with 1180 kg/m³" in recipe
+    assert "masses those of Smooth-Sil 940 with 1180 kg/m³" in recipe
     mine = ("--base", "square", "--set", "silicone=Mine", "--out", tmp_path / "mine")
     (square,) = strict(run("cad", winner, *mine, "--json")[1])
     assert square["assembled_size_mm"][0] > made["assembled_size_mm"][0] + 0.1

@@ -489,8 +489,8 @@ def messages_of(file):
     from mcap.stream_reader import StreamReader
 
     found = []
-    with file.open("rb") as stream, contextlib.suppress(McapError):
-        # a file that is not complete ends without its mark
+    with file.open("rb") as stream, contextlib.suppress(McapError, struct.error):
+        # a file that is not complete ends without its mark, or within a record
         found.extend(1 for record in StreamReader(stream).records if type(record).__name__ == "Message")
     return len(found)
 

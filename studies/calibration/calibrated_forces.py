@@ -169,6 +169,18 @@ def intervals(
     ]
 
 
+def widths_beside_noise(found: Fit, shift: Array, *, zeroed: bool) -> Array:
+    """Return half of the 90 % intervals (n, 3) of forces that readings give at shifts (n, 3) at T_0, without the
+    stated noise of the readings and what the mechanics miss.
+
+    Where readings tell a shift badly their noise is far larger than all else, and a difference of intervals is lost.
+    """
+    slope, noise, _ = _variances(found, shift, np.zeros(len(shift)), zeroed=zeroed)
+    free = found.sensor.unknowns.free
+    own = np.einsum("nfp,pq,nfq->nf", slope, found.covariance[np.ix_(free, free)], slope)
+    return np.asarray(QUANTILE * np.sqrt(own + (1 - 1 / found.growth) * noise))
+
+
 def variance_shares(found: Fit) -> dict[str, float]:
     """Return the shares of unknowns, noise and mechanics in the mean variance of a calibration's own forces."""
     slope, noise, missed = _variances(found, found.shift, np.zeros(len(found.shift)), zeroed=False)

@@ -239,13 +239,8 @@ def calibrated(design: Design, path: Path) -> tuple[Decoder, Callable[[Array], A
     coder = calibrated_forces.coder_of(found, warm=not thermal)
 
     def unsure(shift: Array) -> Array:
-        at = np.zeros(len(shift))
-        wide = [
-            calibrated_forces.intervals(found, [found.covariance], shift, at, zeroed=zeroed)[0]
-            for zeroed in (False, True)
-        ]
-        known = half_widths(coder, coder.sigma, shift)
-        return np.asarray(np.sqrt(np.maximum(np.square(wide).max(axis=0) - np.square(known), 1e-12)))
+        wide = [calibrated_forces.widths_beside_noise(found, shift, zeroed=zeroed) for zeroed in (False, True)]
+        return np.maximum(*wide)
 
     return coder, unsure, _warming(found) if thermal else {}
 
