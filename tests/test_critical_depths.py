@@ -84,7 +84,7 @@ def test_an_interruption_prints_the_lengths_that_are_complete(run, monkeypatch, 
         if solved:
             raise KeyboardInterrupt
         solved.append(1)
-        return {"L_over_D": given[-1], "status": "ok"}
+        return {"L_over_D": given[2], "status": "ok"}
 
     monkeypatch.setattr(critical_depths, "_row", row)
     status, out, err = run("stability", "paper", "--slenderness", "1,2", "--out", "o", "--json")
