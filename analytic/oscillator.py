@@ -62,7 +62,6 @@ def spring_mass(design: Design) -> tuple[float, float]:
     The frequency is sqrt(k / m) / 2 pi with k = E A / L and a third of the silicone's mass (Rayleigh's rod). Without
     the magnet it is the paper's "approximately 970 Hz" (section IV.C), as we read it.
     """
-    volume, core = beam_volume(design.shape), magnet_volume(design.shape)
-    k = 1e3 * design.E_now * math.pi * design.R**2 / design.L
-    light, heavy = design.density * volume / 3, design.density * (volume - core) / 3 + design.magnet_density * core
-    return math.sqrt(k / (light * 1e-9)) / (2 * math.pi), math.sqrt(k / (heavy * 1e-9)) / (2 * math.pi)
+    stiffness = design.E_now * math.pi * design.R**2 / design.L
+    silicone = 1e-6 * design.density * beam_volume(design.shape) / 3
+    return natural_frequency(stiffness, silicone), natural_frequency(stiffness, moving_mass(design))

@@ -368,14 +368,12 @@ class Design:
     def hall_gain_now(self) -> float:
         """Gain of an element at the temperature: of a one-axis element in V/T, of a chip over that at 20 C.
 
-        A chip whose data sheet states no drift keeps its gain.
+        That of a chip stays: data sheets state how far it drifts, to either side (`geometry.hall_chips`).
 
         >>> Design(temperature=60.0).hall_gain_now, Design(hall_layout="tmag5273a1", temperature=60.0).hall_gain_now
-        (31.5, 0.98)
+        (31.5, 1.0)
         """
-        if self.hall_layout == "three":
-            return self.hall_gain * self._drifted(self.hall_gain_drift)
-        return self._drifted(100 * (self.chip.gain_drift or 0.0))
+        return self.hall_gain * self._drifted(self.hall_gain_drift) if self.hall_layout == "three" else 1.0
 
     def _drifted(self, drift: float) -> float:
         """Return a value over that at the reference temperature; drift in percent per K."""
@@ -501,10 +499,12 @@ class Design:
                 f"the noise of {self.chip.name} is unknown: resolutions count its step alone and are too fine; "
                 "set chip_noise"
             )
-        if self.hall_layout != "three" and self.temperature != REFERENCE_TEMPERATURE and self.chip.gain_drift is None:
+        if self.hall_layout != "three" and self.temperature != REFERENCE_TEMPERATURE:
+            drift, warmer = self.chip.gain_drift, abs(self.temperature - REFERENCE_TEMPERATURE)
+            far = "by an unknown amount" if drift is None else f"by up to {100 * abs(drift) * warmer:.2g} %"
             texts.append(
-                f"the drift of the gain of {self.chip.name} with the temperature is unknown: its gain is that at "
-                f"{REFERENCE_TEMPERATURE:g} C"
+                f"the gain of {self.chip.name} may have drifted {far} to either side at {self.temperature:g} C: "
+                f"it is taken as that at {REFERENCE_TEMPERATURE:g} C"
             )
         if self.shape.has_magnet and self.temperature > HOT_MAGNET:
             texts.append(

@@ -29,7 +29,9 @@ def test_the_deepest_usual_load_presses_the_beam_into_its_elements():
     gap = gap_of(paper())
     assert gap.value == pytest.approx(4.5 - 4.97, abs=0.03)
     (said,) = clearance.warning(gap)
-    assert said.startswith("under a press of 3 mm with a shear of 1 mm towards it the beam reaches 0.47 mm into S")
+    assert said.startswith(
+        "under a press of 3 mm with a shear of 1 mm towards it the beam reaches 0.47 +-0.1 mm into S"
+    )
     assert "lower c or raise f" in said
 
 
@@ -40,6 +42,21 @@ def test_screws_beside_the_beam_have_heads():
     assert set(found) == {f"the head of screw {k}" for k in (1, 2, 3, 4)}
     assert {block.sides for block in found.values()} == {(4.0, 4.0, 1.6)}
     assert gap_of(design, (0.01, 0.0), Base(shape="round")) is None
+
+
+@pytest.mark.parametrize(
+    ("value", "said"), [(0.2, None), (0.05, "may touch S2"), (-0.05, "may touch S2"), (-0.2, "reaches 0.2")]
+)
+def test_a_gap_within_its_error_is_no_verdict(value, said):
+    found = clearance.warning(clearance.Gap(value, 0.1, "S2", "a press"))
+    assert (said in found[0]) if said else found == []
+
+
+def test_the_gap_beside_an_unstable_beam_is_unknown():
+    slender = dataclasses.replace(paper(), L=40.0, l0=38.2)
+    gap = gap_of(slender, (20.0, 0.0))
+    assert math.isnan(gap.value)
+    assert math.isnan(gap.error)
 
 
 def test_what_no_model_answers_is_unknown():

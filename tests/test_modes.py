@@ -9,7 +9,7 @@ import skfem
 from conftest import ROUGH
 from scipy.optimize import brentq
 
-from analytic.oscillator import moving_mass, natural_frequency, receptance, spring_mass
+from analytic.oscillator import receptance, spring_mass
 from fem.accuracy import QUICK, STANDARD
 from fem.analyses import modes
 from fem.model import angular_fields, elements
@@ -137,12 +137,6 @@ def test_the_half_power_width_over_the_frequency_is_the_loss_factor(loss):
 
     width = brentq(excess, 100.0, 110.0) - brentq(excess, 90.0, 100.0)
     assert width / 100.0 == pytest.approx(loss, rel=loss**2)
-
-
-def test_the_moving_mass_gives_the_natural_frequency_of_the_axial_spring_with_the_magnet():
-    design = replace(paper(), magnet_height=3.0, density=1100.0)
-    stiffness = design.E * math.pi * design.R**2 / design.L
-    assert natural_frequency(stiffness, moving_mass(design)) == pytest.approx(spring_mass(design)[1], rel=1e-12)
 
 
 def test_a_press_below_rounding_has_no_mesh_and_says_so(run):

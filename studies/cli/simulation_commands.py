@@ -46,7 +46,7 @@ def solve(
     atomic_files.check_apart([call.out, picture, store], [call.source, method.mesh])
     targets = load_cases.targets_of(motion)
     loads = load_cases.approximate_loads(targets) if targets else load_cases.loads_of(motion)
-    for option, reason in load_cases.ineffective_options(motion, method):
+    for option, reason in load_cases.ineffective_options(motion, method, store):
         say_no_effect(option, reason)
     with console.progress(as_json=call.as_json) as progress:
         title, rows = within_tolerance.run(

@@ -3,8 +3,8 @@
 The finite elements take the beam as free around its skin. A press makes it bulge, and a shear bends it: where the
 skin then lies in an element or a screw, sensor and model part. The state is that of a plate which sticks to the tip;
 its shear points at each obstacle in turn, for the beam is round. What is measured is the least distance of the
-deformed skin from the box around an obstacle, negative inside: with nodes every few degrees it is right to some
-0.02 mm.
+deformed skin from the box around an obstacle, negative inside. Its error is that of the motion, at accuracy quick
+`MOTION_ERROR` of the largest one, and of the chords between the points of the skin.
 """
 
 from __future__ import annotations
@@ -19,20 +19,25 @@ from geometry.bad_input import BadInput, SolveFailed
 from geometry.base import Plan, screw_thread
 from geometry.design import Design
 from geometry.fabrication.hall_elements import Block
+from studies.output.deformed_body import SECTORS, of_field
 
 if TYPE_CHECKING:
     from build123d import Solid
 
 HEAD_WIDTH, HEAD_HEIGHT = 2.0, 0.8
 """Diameter and height of a screw's head over its thread, those of pan heads at most (ISO 7045)."""
+MOTION_ERROR = 0.03
+"""Largest true error of a shift at accuracy quick, over the shift (`magtip validate errors accuracy`)."""
 USUAL_DEPTH, USUAL_SHEAR = 3 / 8, 1 / 8
 """Press and shear over D where no forces are required: the largest press in use, and an eighth of D."""
 
 
 class Gap(NamedTuple):
-    """The least gap of a loaded beam, mm, to which obstacle, and under which load; NaN and why if it is unknown."""
+    """The least gap of a loaded beam and its error, mm, to which obstacle, and under which load; NaN and why if it is
+    unknown."""
 
     value: float
+    error: float
     obstacle: str
     load: str
 
@@ -72,33 +77,37 @@ def least_gap(
     if forces:
         words = f"{forces[0]:.3g} N" + (f" with {forces[1]:.3g} N along the plate" if forces[1] else "")
     try:
-        skin = _skin(design, (depth, shear), forces)
+        skin, motion = _skin(design, (depth, shear), forces)
     except (BadInput, SolveFailed) as error:
-        return Gap(math.nan, str(error), words)
+        return Gap(math.nan, math.nan, str(error), words)
     gaps = {name: _distance(_turned(skin, _centre(block)), block) for name, block in beside.items()}
     name = min(gaps, key=lambda each: gaps[each])
-    return Gap(gaps[name], name, words)
+    chords = design.R * (1 - math.cos(math.pi / (2 * SECTORS)))
+    return Gap(gaps[name], MOTION_ERROR * motion + chords, name, words)
 
 
 def warning(gap: Gap | None) -> list[str]:
-    """Return a sentence where a loaded beam touches what stands beside it, or where that is not known."""
-    if gap is None or gap.value > 0:
+    """Return a sentence where a loaded beam touches what stands beside it, may touch it, or where that is unknown."""
+    if gap is None or gap.value > gap.error:
         return []
     if math.isnan(gap.value):
         return [f"whether the beam touches what stands beside it under {gap.load} is not known: {gap.obstacle}"]
     screw = "screw" in gap.obstacle
     remedy = "countersink the screws or set them from below" if screw else "lower c or raise f"
-    reached = f"the beam reaches {-gap.value:.2g} mm into {gap.obstacle} (finite elements)"
+    reached = f"the beam reaches {-gap.value:.2g} +-{gap.error:.1g} mm into {gap.obstacle} (finite elements)"
+    if gap.value >= -gap.error:
+        reached = (
+            f"the beam may touch {gap.obstacle}: its gap is {gap.value:.2g} +-{gap.error:.1g} mm (finite elements)"
+        )
     return [f"under {gap.load} towards it {reached}: press and shear less, {remedy}, or take a larger base"]
 
 
-def _skin(design: Design, motion: tuple[float, float], forces: tuple[float, float] | None) -> Array:
-    """Return the points (n, 3) of the deformed skin, sheared along x."""
+def _skin(design: Design, motion: tuple[float, float], forces: tuple[float, float] | None) -> tuple[Array, float]:
+    """Return the points (n, 3) of the deformed skin, sheared along x, and its largest motion, mm."""
     from fem import equilibrium
     from fem.accuracy import QUICK
     from fem.analyses.force_targets import solve_force
     from geometry.loads import Load
-    from studies.output import deformed_body
 
     if forces:
         aside = (forces[1], 0.0) if forces[1] else None
@@ -106,10 +115,11 @@ def _skin(design: Design, motion: tuple[float, float], forces: tuple[float, floa
     else:
         load = Load(motion[0], motion[1], friction="stick")
         found = equilibrium.trace(design, [load], QUICK, estimate=False)[-1]
-        if found.load != load:
-            raise SolveFailed(found.message or f"the finite elements end at a press of {found.load.depth:.3g} mm")
-    parts = deformed_body.of_field(found.body)
-    return np.concatenate([parts[side][0] + parts[side][1] for side in ("front", "back")])
+    if found.status != "ok":
+        raise SolveFailed(found.message or found.status)
+    parts = of_field(found.body)
+    rest, u = (np.concatenate([parts[side][k] for side in ("front", "back")]) for k in (0, 1))
+    return rest + u, float(np.linalg.norm(u, axis=1).max())
 
 
 def _centre(block: Block) -> tuple[float, float]:

@@ -79,9 +79,11 @@ def loads_of(motion: Motion) -> list[Load]:
     return [replace(full, depth=share * full.depth) for share in shares]
 
 
-def ineffective_options(motion: Motion, method: Method) -> list[tuple[str, str]]:
+def ineffective_options(motion: Motion, method: Method, store: Path | None = None) -> list[tuple[str, str]]:
     """Return each option that has no effect, with the reason."""
     options = []
+    if store is not None and (targets_of(motion) or method.mesh is not None):
+        options.append(("--store", "states of forces and those on a mesh of one's own are solved each time"))
     sideways = (motion.shear, motion.shear_y, motion.shear_force, motion.shear_force_y)
     if motion.friction == "stick" and not any(sideways):
         options.append(("--friction stick", "it acts only during a shear, and this load has none"))
