@@ -26,7 +26,7 @@ READ = {
     "shift_z": ("fem_shift_z_mm", 1.0, "shift_error_estimate"),
     "tilt": ("fem_tilt_rad", 1.0, "tilt_error_estimate"),
     "contact_radius": ("fem_contact_radius_mm", 1.0, ""),
-    "strain": ("fem_largest_strain_percent", 100.0, ""),
+    "strain": ("fem_largest_strain_percent", 100.0, "fem_largest_strain_error_estimate"),
     "sideways_ratio": ("fem_sideways_stiffness_ratio", 1.0, ""),
 }
 """Columns of the answers, their unit in N, mm and rad, and columns of their relative errors, by quantity."""
@@ -35,7 +35,7 @@ READ = {
 class SolvedBeams:
     """Beams of n designs by finite elements; see `studies.beam.beam_model.RatedBeams`.
 
-    Half widths are what error estimates say; 0 of what is 0 or never estimated, NaN where an error is unknown. The
+    Half widths are what error estimates say; 0 of what is 0, NaN where an error is unknown. The
     estimates of force_z and of shifts are relative to the lengths of the vectors.
     """
 
@@ -78,7 +78,7 @@ class SolvedBeams:
         found = {name: Quantity(*np.full((2, *depth.shape), np.nan)) for name in values}
         for name, value in values.items():
             error = READ[name][2]
-            share = answers.get(error, np.nan) if error else 0.0
+            share = answers.get(error, np.nan) if error else np.nan
             found[name].value[rows, columns] = value
             found[name].half_width[rows, columns] = np.where(value == 0, 0.0, sizes[name] * share)
         return BeamStates(found, lambda _: refusals)
