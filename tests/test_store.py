@@ -253,6 +253,34 @@ def test_a_store_in_a_folder_without_rights_is_read_and_not_opened(without_right
         pass
 
 
+@pytest.mark.skipif(os.name != "posix", reason="modes of files are those of POSIX")
+def test_the_user_s_store_that_cannot_be_written_is_read_with_one_warning(without_rights, monkeypatch, capsys):
+    folder, powerless = without_rights
+    file = folder / "solved.sqlite"
+    monkeypatch.setenv(store.VARIABLE, str(file))
+    with store.opened(None) as kept:
+        kept.add(PATH, [PRESSED])
+    with powerless(folder, file), store.opened(None) as kept:
+        kept.add(PATH, [replace(PRESSED, depth=0.25)])
+        assert set(kept.states(PATH)) == {(0.125, 0.0), (0.25, 0.0)}
+    assert capsys.readouterr().err.count("is read-only") == 1
+    with store.opened(None) as kept:
+        assert set(kept.states(PATH)) == {(0.125, 0.0)}
+
+
+def test_on_a_full_disk_the_user_s_store_forgets_what_is_added(monkeypatch, file, refused, capsys):
+    monkeypatch.setenv(store.VARIABLE, str(file))
+    for named in (None, file):
+        with store.opened(named) as kept:
+            # no page more than the file has, as on a disk that is full
+            kept._connections[0].execute("PRAGMA max_page_count = 1")
+            large = [replace(PRESSED, answer={"x": "y" * 100_000})]
+            with refused("the disk of the store") if named else contextlib.nullcontext():
+                kept.add(PATH, large)
+            assert len(kept.states(PATH)) == (0 if named else 1)
+    assert capsys.readouterr().err.count("is not kept") == 1
+
+
 @pytest.fixture
 def large(file):
     """The bytes of a store of many pages."""

@@ -51,6 +51,18 @@ def test_a_second_run_solves_nothing_and_prints_the_same(name, run, solves):
     assert not solves
 
 
+def test_a_verb_answers_without_a_store_and_refuses_a_named_one(run, monkeypatch, tmp_path):
+    first = run(*VERBS["modes"], "--json")
+    (tmp_path / "file").touch()
+    monkeypatch.setenv(store.VARIABLE, str(tmp_path / "file" / "states.sqlite"))
+    status, out, err = run(*VERBS["modes"], "--json")
+    assert (status, out, err.count("\n")) == (*first[:2], 1)
+    assert "what is solved here is not kept" in err
+    status, out, err = run(*VERBS["modes"], "--store", tmp_path / "file" / "own.sqlite")
+    assert (status, out) == (2, "")
+    assert "cannot be opened" in err
+
+
 @pytest.mark.parametrize("kind", ["critical depth", "guided", "small shear"])
 def test_an_answer_of_its_own_is_solved_once(kind, kept, solves):
     scene = Scene(replace(paper(), L=20.0), (Load(depth=0.5),), ROUGH, "ignored")

@@ -352,7 +352,7 @@ def test_what_cannot_be_solved_is_kept_and_a_bug_ends_the_sweep(quantity, error,
         return
     with pytest.raises(error, match="why"):
         run(BARE, {"E": [1.0]}, load, kept=kept, **choices)
-    assert not any(outcome != "ok" for (outcome,) in kept._connection.execute("SELECT outcome FROM state"))
+    assert not any(outcome != "ok" for (outcome,) in kept._connections[0].execute("SELECT outcome FROM state"))
 
 
 def fails_in_a_worker(task):
@@ -372,7 +372,7 @@ def test_states_that_are_removed_during_a_sweep_end_it_with_a_sentence(kept, ref
     run(BARE, {"L": [9.0, 11.0], "depth": [0.5]}, kept=kept)
     batches = sweep.run(plan_of(BARE, {"L": [9.0, 10.0, 11.0]}, {"depth": 0.5}), None, kept, processes=Processes(0))
     next(batches)
-    kept._connection.execute("DELETE FROM state")
+    kept._connections[0].execute("DELETE FROM state")
     with refused("have been removed from the store", "give the same command again"):
         next(batches)
 

@@ -15,6 +15,9 @@ The file is in write-ahead mode: any number of processes can read while one writ
 when `add` returns (synchronous = FULL), so a killed process loses nothing that it has added. Transactions of several
 writers wait for each other, up to `PATIENCE`. SQLite's locks fail on many network file systems, so keep the store on
 a local disk. Nothing in the file is executed or unpickled.
+
+Where the user's own store cannot be written (a read-only home, a full disk), what it holds is read, and what is added
+is forgotten with the process, with a warning. A file that was named must take what is solved.
 """
 
 from __future__ import annotations
@@ -62,6 +65,8 @@ TABLES = (
 OTHER = "name another file by `store`"
 """The remedy that always helps."""
 READ_ONLY = "is read-only: make the file and its folder writable, or " + OTHER
+UNWRITABLE = (sqlite3.SQLITE_READONLY, sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_FULL, sqlite3.SQLITE_PERM)
+"""Codes of SQLite for a file that is in order, but cannot be made or written."""
 Outcome = Literal["ok", "failed", "transient"]
 Content = Mapping[str, Any]
 Position = tuple[float, float]
@@ -166,22 +171,27 @@ def _exact(value: Any) -> Any:
     raise TypeError(f"a path's content holds plain values only; got {type(value).__name__}")
 
 
+class Unwritable(BadInput):
+    """A store is in order, but cannot be made or written."""
+
+
 class Store:
     """An open store, see `opened`.
 
-    `file`: of the store.
+    file : of the store.
+    connections : one to read and write, then others with more states, to read.
+    optional : whether what cannot be written is forgotten with this process, with a warning.
     """
 
-    def __init__(self, file: Path, connection: sqlite3.Connection) -> None:
-        self.file, self._connection = file, connection
+    def __init__(self, file: Path, *connections: sqlite3.Connection, optional: bool = False) -> None:
+        self.file, self._connections, self._optional = file, connections, optional
 
     def states(self, content: Content) -> dict[Position, State]:
         """Return all states of a path by their positions; those that are damaged are left out, with a warning."""
         path = key(content)
+        query = f"SELECT {READ} FROM state JOIN path ON path.id = state.path WHERE path.key = ?"
         with refusals(self.file):
-            rows = self._connection.execute(
-                f"SELECT {READ} FROM state JOIN path ON path.id = state.path WHERE path.key = ?", (path,)
-            ).fetchall()
+            rows = [row for each in self._connections[::-1] for row in each.execute(query, (path,)).fetchall()]
         states = [stored(path, row) for row in rows]
         if None in states:
             console.warn(
@@ -200,8 +210,19 @@ class Store:
         A state replaces the stored one at the same position; a transient one replaces transient ones only, since
         another process may have solved the state meanwhile.
         """
+        paths = [(content, [*states]) for content, states in paths]
+        try:
+            self._write(paths)
+        except Unwritable as error:
+            if not self._optional:
+                raise
+            _say_unkept(error)
+            self._connections, self._optional = (_in_memory(), *self._connections), False
+            self._write(paths)
+
+    def _write(self, paths: Iterable[tuple[Content, Iterable[State]]]) -> None:
         now = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
-        with refusals(self.file), self._connection as connection:
+        with refusals(self.file), self._connections[0] as connection:
             # take the write lock first: SQLite does not wait when a transaction that has read begins to write
             connection.execute("BEGIN IMMEDIATE")
             for content, states in paths:
@@ -222,7 +243,7 @@ class Store:
         """Return the number of paths and the number of states."""
         query = "SELECT (SELECT COUNT(*) FROM path), (SELECT COUNT(*) FROM state)"
         with refusals(self.file):
-            paths, states = self._connection.execute(query).fetchone()
+            paths, states = self._connections[0].execute(query).fetchone()
         return paths, states
 
 
@@ -242,10 +263,34 @@ def default() -> Path:
 
 @contextlib.contextmanager
 def opened(file: Path | str | None) -> Iterator[Store]:
-    """Open a store, default: the user's; a file that does not exist is made."""
+    """Open a store, default: the user's; a file that does not exist is made.
+
+    Where the user's cannot be written, a warning says so, and it is read only.
+    """
     path = Path(file or default())
-    with writable(path) as connection:
-        yield Store(path, connection)
+    with contextlib.ExitStack() as stack:
+        try:
+            connections, optional = [stack.enter_context(writable(path))], file is None
+        except Unwritable as error:
+            if file is not None:
+                raise
+            _say_unkept(error)
+            connections, optional = [stack.enter_context(contextlib.closing(_in_memory()))], False
+            if os.path.exists(path):
+                with contextlib.suppress(Unwritable):
+                    connections.append(stack.enter_context(readable(path)))
+        yield Store(path, *connections, optional=optional)
+
+
+def _say_unkept(error: Unwritable) -> None:
+    console.warn(f"{error}; what is solved here is not kept")
+
+
+def _in_memory() -> sqlite3.Connection:
+    """Return an empty store that ends with its process."""
+    connection = sqlite3.connect(":memory:", isolation_level=None)
+    _make(connection)
+    return connection
 
 
 # The file
@@ -258,10 +303,10 @@ def writable(file: Path) -> Iterator[sqlite3.Connection]:
         file.parent.mkdir(parents=True, exist_ok=True)
         # SQLite opens a file that it cannot write to read, and says so at the first change only
         if file.exists() and not os.access(file, os.W_OK, effective_ids=os.access in os.supports_effective_ids):
-            raise BadInput(f"the store {str(file)!r} {READ_ONLY}")
+            raise Unwritable(f"the store {str(file)!r} {READ_ONLY}")
         connection = sqlite3.connect(file, timeout=PATIENCE, isolation_level=None)
     except (OSError, sqlite3.Error) as error:
-        raise BadInput(f"the store {str(file)!r} cannot be opened ({error}): {OTHER}") from None
+        raise Unwritable(f"the store {str(file)!r} cannot be opened ({error}): {OTHER}") from None
     with contextlib.closing(connection):
         with refusals(file):
             _prepare(file, connection)
@@ -308,15 +353,20 @@ def refusals(file: Path) -> Iterator[None]:
     try:
         yield
     except sqlite3.Error as error:
-        raise BadInput(_refusal(file, error)) from None
+        kind = Unwritable if _code(error) in UNWRITABLE else BadInput
+        raise kind(_refusal(file, error)) from None
     except UnicodeDecodeError:
         # a name in the file, of which a message of SQLite consists, is none
         raise BadInput(_refusal(file, sqlite3.DatabaseError("its schema is no text"))) from None
 
 
-def _refusal(file: Path, error: sqlite3.Error) -> str:
+def _code(error: sqlite3.Error) -> int:
     # the codes of SQLite's C interface; extended codes hold the primary one in the lowest byte
-    code = getattr(error, "sqlite_errorcode", sqlite3.SQLITE_CORRUPT) & 0xFF
+    return int(getattr(error, "sqlite_errorcode", sqlite3.SQLITE_CORRUPT)) & 0xFF
+
+
+def _refusal(file: Path, error: sqlite3.Error) -> str:
+    code = _code(error)
     store = f"the store {str(file)!r}"
     if code in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED):
         return f"{store} is locked by another process for more than {PATIENCE:g} s: wait until it ends, or {OTHER}"
@@ -339,13 +389,17 @@ def _prepare(file: Path, connection: sqlite3.Connection) -> None:
     connection.execute("BEGIN IMMEDIATE")
     with connection:
         if not connection.execute("SELECT 1 FROM sqlite_master").fetchone():
-            for statement in TABLES:
-                connection.execute(statement)
+            _make(connection)
         _check_format(file, connection)
     if file.stat().st_size <= LARGEST_CHECKED:
         ((verdict,),) = connection.execute("PRAGMA quick_check(1)").fetchall()
         if verdict != "ok":
             raise sqlite3.DatabaseError(verdict)
+
+
+def _make(connection: sqlite3.Connection) -> None:
+    for statement in TABLES:
+        connection.execute(statement)
 
 
 def _check_format(file: Path, connection: sqlite3.Connection) -> None:

@@ -132,7 +132,7 @@ def store_of(plan: Plan, store: Store | Path | str | None) -> contextlib.Abstrac
     """Open the store of a plan, default: the user's; None if nothing is solved. A store that is open stays open."""
     if isinstance(store, Store) or not plan.solves:
         return contextlib.nullcontext(store if isinstance(store, Store) else None)
-    return stores.opened(store or stores.default())
+    return stores.opened(store)
 
 
 def without_rows(plan: Plan) -> Columns:
