@@ -8,10 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from fem.model.nonlinear_system import System
+from fem.model.symmetry_models import MeshSpecification
 from geometry.design import paper
 
 ROOT = Path(__file__).resolve().parent.parent
 SHAPE = paper().shape
+SECTION = MeshSpecification(SHAPE, 0.45, "rigid", 2.0, 2.0)
 CALLS = {
     "analytic.cylinder.cylinder_series": (0.5,),
     "analytic.cylinder.disc_series": (),
@@ -19,13 +22,17 @@ CALLS = {
     "fem.model.angular_fields.fourier_fields": (2,),
     "fem.model.elements._facet_functions": (2, 5),
     "fem.model.plate_contact._frame": (0.1,),
+    "fem.model.single_order.build": (SECTION.build(), 1),
+    "fem.model.symmetry_models._axisymmetric": (SECTION, 0),
     "fem.model.symmetry_models._section_mesh": (SHAPE, 2.0),
     "fem.model.symmetry_models._solid_mesh": (SHAPE, 2.0),
 }
 """Kept functions whose results hold arrays, with arguments."""
 WITHOUT_ARRAYS = {
     "analytic.cylinder.compiled_functions",
+    "fem.model.material.law",
     "fem.results.error_estimates.error_rules",
+    "fem.results.lateral_stiffness._stiffness_at_rest",
     "fem.solve.direct_solver._mkl",
     "geometry.cad.magnet_inertia",
     "geometry.compiled._announce_compilation",
@@ -45,6 +52,8 @@ def kept_functions():
 
 
 def arrays_in(value):
+    if isinstance(value, System):
+        value = vars(value)
     if isinstance(value, np.ndarray):
         return [value]
     if dataclasses.is_dataclass(value):

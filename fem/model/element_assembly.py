@@ -63,8 +63,8 @@ class _Batch:
     part, near : which elements; and how many of them touch the magnet, the last ones.
     nodes : (a, m) and (c, m) nodes and rows of the pressures.
     shapes : (a, 3, q, m) D and (q, c) M.
-    places : positions of volumes (n, c, m) in those of the corners, and of coupling (a, c, f n, m) and stiffness (a,
-        a, pairs, m) in the tangent; -1 of what is not added.
+    places : positions of volumes (n, c, m) in those of the corners, and of coupling (m, a, c, f n) and stiffness (m,
+        a, a, pairs) in the tangent; -1 of what is not added.
     mu, w, modulus, soft : (t n,) shear moduli, weights, weighted shear moduli, and weights over bulk moduli.
     strain : displacement gradients (9, t n), J - 1 (t n,), and F^-T - 1 (9, t n).
     """
@@ -133,7 +133,7 @@ class ElementAssembly:
         stiffness = pattern.places(ELEMENTS, u[:, :, None, first], u[:, None, :, second], part)
         # of one field, the entry of two nodes is that of the nodes in the other order too
         stiffness[:, (nodes[:, None, None] > nodes[:, None]) & (first == second)] = -1
-        return [np.ascontiguousarray(np.moveaxis(places, 0, -1)) for places in (coupling, stiffness)]
+        return [coupling, stiffness]
 
     def _cut(self, part: slice, corners: Ints, mu: Array, inverse_K: Array, in_tangent: list[Places]) -> _Batch:
         e, repeated = self._elements, self._elements.weights.shape[1] * len(self._C)
@@ -205,7 +205,9 @@ class ElementAssembly:
                 wJ = batch.w * (1 + batch.strain[1])
                 cofactor = batch.strain[2] * wJ
                 cofactor[::4] += wJ
-                coupling.append(add_coupling(D, M, cofactor, self._VC, batch.places[1], data, batch.near))
+                B = integrate_coupling(D, M, cofactor, self._VC)
+                add_matrices(B, batch.places[1], data)
+                coupling.append(B[..., B.shape[-1] - batch.near :])
                 stiffness.append(self._add_stiffness(batch, A, data))
         if tangent:
             self._add_magnet(stiffness, coupling, T, data)
@@ -234,13 +236,18 @@ class ElementAssembly:
 
         A : (9, 9, t n) tangents times the weights, or (9, 9, n) where all angles agree.
         """
-        D, H, at = batch.shapes[0], np.empty((self._pairs.fields.shape[1], 9, len(batch.w) // len(self._C))), 0
+        D, n, at = batch.shapes[0], len(batch.w) // len(self._C), 0
+        H, A = np.empty((9, self._pairs.fields.shape[1], n)), A.reshape(3, 3, 3, 3, -1, n)
         for i, k, products in self._pairs.groups:
-            count = products.shape[1]
-            sum_over_angles(A, i, k, products, H[at : at + count])
+            _, count, first, second, _ = products.shape
+            rows = A[i : i + first, :, k : k + second].transpose(1, 3, 0, 2, 4, 5).reshape(9, -1, n)
+            shares = products if A.shape[4] == len(self._C) else products.sum(axis=-1)
+            np.matmul(shares.reshape(9, count, -1), rows, out=H[:, at : at + count])
             at += count
-        H = H.reshape(-1, 3, 3, *D.shape[2:])
-        return np.asarray(add_stiffness(D, H, self._pairs.fields, batch.places[2], data, batch.near))
+        H = H.reshape(3, 3, -1, *D.shape[2:])
+        K = integrate_stiffness(D, H, self._pairs.fields)
+        add_matrices(K, batch.places[2], data)
+        return np.asarray(K[..., K.shape[-1] - batch.near :])
 
     def _add_magnet(self, stiffness: Sequence[Array], coupling: Sequence[Array], T: Array, data: Array) -> None:
         """Add to the tangent what elements at the magnet give to its motion.
@@ -275,7 +282,7 @@ class ElementAssembly:
         data, (first, second) = np.zeros(self._entries), self._pairs.fields
         stiffness = matrices[:, first, :, second].transpose(2, 3, 0, 1)
         for batch in self._batches:
-            add_at(stiffness[..., batch.part].ravel(), batch.places[2].ravel(), data)
+            add_matrices(np.ascontiguousarray(stiffness[..., batch.part]), batch.places[2], data)
         self._add_magnet([stiffness[..., self._inner :]], [], T, data)
         return data
 
@@ -316,6 +323,20 @@ def add_at(values, places, data):
     for i in range(len(places)):
         if places[i] >= 0:
             data[places[i]] += values[i]
+
+
+@compiled
+def add_matrices(values, places, data):
+    """Add the matrices (..., m) of elements to the entries at their places (m, ...); -1: nowhere.
+
+    Element by element: the entries of one lie together, those of all are beyond the processor's cache.
+    """
+    values = values.reshape(-1, len(places))
+    for cell in range(len(places)):
+        here = places[cell].ravel()
+        for i in range(len(here)):
+            if here[i] >= 0:
+                data[here[i]] += values[i, cell]
 
 
 @compiled
@@ -375,11 +396,10 @@ def add_forces(nodes, D, P, V, forces):
 
 
 @compiled
-def add_coupling(D, M, cofactor, VC, places, data, near):
-    """Add the coupling B to entries, for weighted cofactors (9, t n); return that of the last `near` elements."""
+def integrate_coupling(D, M, cofactor, VC):
+    """Return the coupling B (a, c, f n, m) for weighted cofactors (9, t n)."""
     (a, _, q, m), c = D.shape, M.shape[1]
-    last = np.empty((a, c, VC.shape[1], near))
-    Y, along, here = np.empty((3, q * m)), np.empty((q, m)), np.empty(m)
+    B, Y, along = np.zeros((a, c, VC.shape[1], m)), np.empty((3, q * m)), np.empty((q, m))
     X = Y.reshape(3, q, m)
     for s in range(VC.shape[1]):
         Y[:] = 0.0
@@ -393,49 +413,31 @@ def add_coupling(D, M, cofactor, VC, places, data, near):
                     for cell in range(m):
                         along[point, cell] += D[node, J, point, cell] * X[J, point, cell]
             for corner in range(c):
-                here[:] = 0.0
+                here = B[node, corner, s]
                 for point in range(q):
                     for cell in range(m):
                         here[cell] += M[point, corner] * along[point, cell]
-                add_at(here, places[node, corner, s], data)
-                for cell in range(near):
-                    last[node, corner, s, cell] = here[m - near + cell]
-    return last
+    return B
 
 
 @compiled
-def sum_over_angles(A, i, k, products, H):
-    """Write H_JL,fg (pairs, 9, n) of weighted tangents A (9, 9, t n), or (9, 9, n) where all angles agree.
-
-    i, k, products : of a group of pairs, see `fem.model.angular_fields.FieldPairs`.
-    """
-    for JL in range(9):
-        for s in range(len(H)):
-            H[s, JL] = 0.0
-            for first in range(products.shape[2]):
-                for second in range(products.shape[3]):
-                    row = A[3 * (i + first) + JL // 3, 3 * (k + second) + JL % 3]
-                    _add_angles(products[JL, s, first, second], row, H[s, JL])
-
-
-@compiled
-def add_stiffness(D, H, fields, places, data, near):
-    """Add the stiffness K of H (pairs, 3, 3, q, m) to entries; return that of the last `near` elements."""
+def integrate_stiffness(D, H, fields):
+    """Return the stiffness K (a, a, pairs, m) of H (3, 3, pairs, q, m)."""
     a, _, q, m = D.shape
-    last, X, here = np.empty((a, a, len(H), near)), np.empty((3, q, m)), np.empty(m)
-    for s in range(len(H)):
+    K, X = np.zeros((a, a, H.shape[2], m)), np.empty((3, q, m))
+    for s in range(H.shape[2]):
         equal = fields[0, s] == fields[1, s]
         for second in range(a):
             for J in range(3):
                 for point in range(q):
                     for cell in range(m):
                         X[J, point, cell] = (
-                            H[s, J, 0, point, cell] * D[second, 0, point, cell]
-                            + H[s, J, 1, point, cell] * D[second, 1, point, cell]
-                            + H[s, J, 2, point, cell] * D[second, 2, point, cell]
+                            H[J, 0, s, point, cell] * D[second, 0, point, cell]
+                            + H[J, 1, s, point, cell] * D[second, 1, point, cell]
+                            + H[J, 2, s, point, cell] * D[second, 2, point, cell]
                         )
             for first in range(second + 1 if equal else a):
-                here[:] = 0.0
+                here = K[first, second, s]
                 for point in range(q):
                     for cell in range(m):
                         here[cell] += (
@@ -443,9 +445,6 @@ def add_stiffness(D, H, fields, places, data, near):
                             + D[first, 1, point, cell] * X[1, point, cell]
                             + D[first, 2, point, cell] * X[2, point, cell]
                         )
-                add_at(here, places[first, second, s], data)
-                for cell in range(near):
-                    last[first, second, s, cell] = here[m - near + cell]
-                    if equal:
-                        last[second, first, s, cell] = here[m - near + cell]
-    return last
+                if equal:
+                    K[second, first, s] = here
+    return K

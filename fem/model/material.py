@@ -47,6 +47,7 @@ class Law(Protocol):
     def __call__(self, strain: Arrays, mu: Array, p: Array, out: Arrays, /) -> None: ...
 
 
+@functools.lru_cache
 def law(name: str, numbers: tuple[float, ...] = ()) -> Law:
     """Return the law of a name in `geometry.design.LAWS`, with its constants in the order given there."""
     match name, numbers:

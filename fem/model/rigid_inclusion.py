@@ -18,7 +18,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from fem.model.angular_fields import Angles, rotations
-from geometry.arrays import Array
+from geometry.arrays import Array, read_only
+
+ONE, ZERO = read_only(np.ones((1, 1))), read_only(np.zeros((1, 1, 1)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +55,8 @@ class RigidBody:
         """Return the sum of force times d2u/dq2, shape (size, size), for nodal forces (n, fields)."""
         if not force.any():  # as at rest
             return np.zeros((self.size, self.size))
-        return np.asarray(np.tensordot(np.sum(self.fields * force, axis=(1, 2)), _functions(q)[2], axes=1))
+        of_fields = self.fields.reshape(len(self.fields), -1) @ force.ravel()
+        return np.asarray((of_fields @ _functions(q)[2].reshape(len(of_fields), -1)).reshape(self.size, self.size))
 
 
 def of_solid(arms: Array, size: int) -> RigidBody:
@@ -106,7 +109,7 @@ def _functions(q: Array) -> tuple[Array, Array, Array]:
     """Return phi (j,) and its first (j, size) and second derivatives (j, size, size)."""
     n = len(q)
     if n == 1:
-        return q, np.eye(1), np.zeros((1, 1, 1))
+        return q, ONE, ZERO
     if n < 6:  # translations, then one rotation
         s, c = np.sin(q[-1]), np.cos(q[-1])
         first, second = np.zeros((n + 1, n)), np.zeros((n + 1, n, n))

@@ -10,6 +10,7 @@ of order 1 itself, which is zero.
 
 from __future__ import annotations
 
+import functools
 from dataclasses import replace
 
 import numpy as np
@@ -19,9 +20,10 @@ from fem.model.angular_fields import Angles
 from fem.model.elements import SAME_PLACE, Surface
 from fem.model.nonlinear_system import State, System
 from fem.model.symmetry_models import Discretisation
-from geometry.arrays import Array
+from geometry.arrays import Array, read_only
 
 
+@functools.lru_cache(maxsize=8)
 def build(low: Discretisation, order: int) -> Discretisation:
     """Return the model of one order n >= 1 on the mesh of an axisymmetric model; `linearise` gives it a state."""
     base, angles = low.system, angular_fields.order_fields(order)
@@ -49,6 +51,7 @@ def build(low: Discretisation, order: int) -> Discretisation:
         law=base.law,
         prescribed=(np.zeros(fixed.shape), held),
     )
+    read_only(vars(system))
     return replace(low, model="harmonic", system=system)
 
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import functools
 import math
+import threading
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -45,9 +46,9 @@ def _solid_mesh(shape: Shape, size: float, **settings: Any) -> skfem.MeshTet2:
     return read_only(tetrahedra(shape, size, **settings))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Discretisation:
-    """A meshed model in units of D and E.
+    """A meshed model in units of D and E. What was built from it is kept with it, so two are never equal.
 
     model : name of the model.
     mesh : scikit-fem's second-order mesh.
@@ -136,7 +137,12 @@ class MeshSpecification:
     coarseness: float = 1.0
 
     def build(self) -> Discretisation:
-        """Build the model; specifications with equal sizes share one mesh."""
+        """Build the model; equal axisymmetric sections share one, and specifications with equal sizes one mesh."""
+        if self.body == "section" and not self.harmonics:
+            return _axisymmetric(self, threading.get_ident())
+        return self._build()
+
+    def _build(self) -> Discretisation:
         section, half, shape, harmonics = self.body == "section", self.body == "half", self.shape, self.harmonics
         mesh = self._mesh()
         e = elements.build(mesh, axisymmetric=section, harmonics=harmonics, sines=self.sines)
@@ -173,6 +179,14 @@ class MeshSpecification:
             settings |= {"fillet": self.fillet, "glued": self.glued, "coarseness": self.coarseness}
             return _section_mesh(self.shape, self.size, **settings)
         return self.mesh or _solid_mesh(self.shape, self.size, **settings, half=self.body == "half")
+
+
+@functools.lru_cache(maxsize=8)
+def _axisymmetric(section: MeshSpecification, thread: int) -> Discretisation:
+    del thread  # a system holds the strains of its last state: each thread has its own
+    model = section._build()
+    read_only(vars(model.system))
+    return model
 
 
 def specification(scene: Scene, size: float, tip_size: float | None = None) -> MeshSpecification:

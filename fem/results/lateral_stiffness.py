@@ -130,10 +130,10 @@ class SidewaysModel:
         """A solver for each of the models, which keeps the symbolic factorisation."""
         return [Solver() for _ in self.orders]
 
-    @functools.cached_property
+    @property
     def stiffness_at_rest(self) -> float:
         """Lateral stiffness of the unloaded beam, in units of E D."""
-        return _solve_lateral(self.solvers[0], self.orders[0], None)[0]
+        return _stiffness_at_rest(self.orders[0])
 
     def measure(self, state: PathState, *, guided: bool = False) -> tuple[float, Stability]:
         """Return lateral stiffness, in units of E D, and sideways stability of a state of an axisymmetric press.
@@ -189,6 +189,11 @@ def _about(d: Discretisation, state: PathState, *, guided: bool) -> tuple[Discre
 def integrate_normal_force(state: PathState) -> float:
     """Return the normal force of the plate, over E D^2."""
     return float(plate_contact.resultant(state.skin, state.u, state.plate)[2])
+
+
+@functools.lru_cache(maxsize=8)
+def _stiffness_at_rest(d: Discretisation) -> float:
+    return _solve_lateral(Solver(), d, None)[0]
 
 
 def _solve_lateral(solver: Solver, d: Discretisation, plate: Plate | None) -> tuple[float, Stability]:

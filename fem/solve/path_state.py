@@ -136,7 +136,7 @@ class PathState:
         # the place of a point on its facet, from -1 to 1, is the difference of the corners' quadratic shape functions
         place = skin.shape[:, 1] - skin.shape[:, 0]
         slope = np.stack([place - 0.5, place + 0.5, -2 * place], axis=1)
-        along = np.linalg.norm(slope @ after, axis=-1) / np.linalg.norm(slope @ before, axis=-1)
+        along = np.hypot(*np.moveaxis(slope @ after, -1, 0)) / np.hypot(*np.moveaxis(slope @ before, -1, 0))
         return along, (after[..., 0] @ skin.shape.T) / (before[..., 0] @ skin.shape.T)
 
     @functools.cached_property
