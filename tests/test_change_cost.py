@@ -1,5 +1,6 @@
-"""What a change costs: in a copy of the product a field of a design, a field of a load and a study of validation are
-added, each where it is declared and nowhere else; columns, JSON, headings, titles, controls and help follow."""
+"""What a change costs: in a copy of the product a field of a design, a field of a load, a verb and a study of
+validation are added, each where it is declared and nowhere else; columns, JSON, headings, titles, controls and help
+follow."""
 
 import json
 import os
@@ -23,6 +24,14 @@ FIELDS = {
     ),
 }
 """Files of the product, each with the text before which a field is declared, and its declaration."""
+VERB = '''
+
+@verb("source sets as_json")
+def length(call: Call) -> int:
+    """Print the length of the beam."""
+    design = call.design()
+    return show(Result(title="Length", records=[{"length_mm": design.L}]), call.screen)
+'''
 STUDY = '''"""A study that counts."""
 
 from studies.output.goals import Goal
@@ -72,6 +81,7 @@ print("RESULT" + json.dumps({
     "values": said("design", "paper", "--set", "pad=2"),
     "controls": [field for field in explorer_fields(Design(pad=3.0)) if field["name"] == "pad"],
     "label": design_digest.label({"pad_mm": 1.0, "D_mm": 8.0})["made_for"],
+    "verbs": said("--help"), "verb": said("length", "paper", "--set", "L=11", "--json"),
     "list": said("validate", "verify", "--help"),
     "study": said("validate", "verify", "pads", "--pads", "2", "--out", "pages"),
 }))
@@ -90,6 +100,10 @@ def copy(tmp_path_factory):
         assert text.count(mark) == 1
         (folder / name).unlink()
         (folder / name).write_text(text.replace(mark, line + mark), "utf-8")
+    commands = folder / "studies/cli/design_commands.py"
+    text = commands.read_text("utf-8")
+    commands.unlink()
+    commands.write_text(text + VERB, "utf-8")
     (folder / "studies/validation/verify/pads.py").write_text(STUDY, "utf-8")
     (folder / "studies/validation/templates/pads.md.j2").write_text(PAGE, "utf-8")
     env = {**os.environ, "PYTHONPATH": str(folder), "COLUMNS": "200"}
@@ -143,6 +157,13 @@ def test_a_field_has_a_control_on_the_page(copy):
 def test_a_field_at_its_default_changes_no_label_of_older_files(copy):
     _, found = copy
     assert found["label"] == {"D_mm": 8.0}
+
+
+def test_a_verb_is_a_function(copy):
+    _, found = copy
+    assert "Print the length of the beam." in found["verbs"][1]
+    assert found["verb"][0] == 0
+    assert json.loads(found["verb"][1])["length_mm"] == 11.0
 
 
 def test_a_study_of_validation_is_a_module_and_a_template(copy):

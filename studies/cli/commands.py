@@ -52,48 +52,46 @@ app = App(
     default_parameter=Parameter(negative=""),
     suppress_keyboard_interrupt=False,
 )
-VERBS = {
-    "Design": {"design_commands": "design cad mesh catalogue size"},
-    "Simulation": {
-        "simulation_commands": "solve converge analytic compare stability modes response cycle fit",
-        "exploration_commands": "demo",
-    },
-    "Sensing": {"sensing_commands": "field readings bench calibrate decode stream firmware table layout"},
-    "Exploration": {"exploration_commands": "explore sweep sensitivity report"},
-    "Validation": {},
-}
-"""Groups of verbs in the order of `--help`: modules of this package, and their functions that are verbs."""
+GROUPS = ("Design", "Simulation", "Sensing", "Exploration", "Validation")
+"""Groups of verbs in the order of `--help`; the functions with `@verb` in design_commands and so on are verbs."""
 VALIDATION = Path(__file__).parents[1] / "validation"
 """Folder whose sub-packages are the verbs of `validate`."""
+
+
+def _verbs(module: str) -> dict[str, str]:
+    """Return the places of a module's functions that are verbs, by their names, without importing the module."""
+    text = Path(__file__).with_name(f"{module}.py").read_text("utf-8")
+    names = re.findall(r"^@verb\b[^@]*?^def (\w+)", text, re.MULTILINE)
+    return {name: f"studies.cli.{module}:{name}" for name in names}
+
+
 ACTIONS = {
     "Exploration": {
-        "store": (
-            "List, export, check and prune the stored states of all studies.",
-            "store_commands",
-            "list_ export check prune",
-        ),
+        "store": ("List, export, check and prune the stored states of all studies.", _verbs("store_commands")),
     },
     "Validation": {
         "validate": (
             "Run a study of how far the answers can be trusted, and what they cost.",
-            "validation_commands",
-            " ".join(sorted(package.parent.name for package in VALIDATION.glob("*/__init__.py"))),
+            {
+                package.parent.name: f"studies.cli.validation_commands:{package.parent.name}"
+                for package in sorted(VALIDATION.glob("*/__init__.py"))
+            },
         ),
     },
 }
-"""Verbs with actions, in their groups: help, module of this package, and its functions that are the actions."""
+"""Verbs with actions, in their groups: help, and the places of the functions that are the actions."""
 
-for title, modules in VERBS.items():
+for title in GROUPS:
     group = Group.create_ordered(title)
-    paths = [f"studies.cli.{module}:{verb}" for module, verbs in modules.items() for verb in verbs.split()]
-    for place, path in enumerate(paths):
+    verbs = _verbs(f"{title.lower()}_commands").values()
+    for place, path in enumerate(verbs):
         # a path instead of a function: a command line then imports only the module of its own verb
         app.command(path, group=group, sort_key=place, help_format="markdown")
-    for verb, (text, module, actions) in ACTIONS.get(title, {}).items():
-        parts = App(name=verb, help=text, group=group, sort_key=len(paths), default_parameter=app.default_parameter)
+    for verb, (text, actions) in ACTIONS.get(title, {}).items():
+        parts = App(name=verb, help=text, group=group, sort_key=len(verbs), default_parameter=app.default_parameter)
         parts.help_format = "plaintext"
-        for place, action in enumerate(actions.split()):
-            parts.command(f"studies.cli.{module}:{action}", sort_key=place, help_format="markdown")
+        for place, action in enumerate(actions.values()):
+            parts.command(action, sort_key=place, help_format="markdown")
         app.command(parts)
 options = Group.create_ordered("Options")
 for name in ("--help", "--version"):
