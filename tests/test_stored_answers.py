@@ -18,6 +18,7 @@ QUICK = ("--accuracy", "quick", "--magnet", "ignored")
 VERBS = {
     "press": ("solve", "paper", "--depths", "0.5,1", *QUICK),
     "shear": ("solve", "paper", "--depth", 0.5, "--shear", 0.3, "--shear-y", 0.4, "--steps", 2, *QUICK),
+    "response": ("response", "paper", "--depth", 1, "--friction", "none", "--count", 5, *QUICK),
     "modes": ("modes", "paper", "--count", 3, *QUICK),
 }
 
@@ -44,11 +45,21 @@ def changed(statement):
 def test_a_second_run_solves_nothing_and_prints_the_same(name, run, solves):
     first = run(*VERBS[name], "--json")
     assert first[0] == 0
-    assert len(first[1].splitlines()) == (2 if {"--depths", "--steps"} & {*VERBS[name]} else 1)
+    assert len(first[1].splitlines()) == (2 if name in ("press", "shear") else 1)
     assert solves
     solves.clear()
     assert run(*VERBS[name], "--json")[:2] == first[:2]
     assert not solves
+
+
+def test_other_frequencies_of_a_band_need_no_solve(run, solves, strict):
+    run(*VERBS["response"])
+    solves.clear()
+    (record,) = strict(run(*VERBS["response"][:-6], "--count", 7, *QUICK, "--set", "c=4", "--json")[1])
+    assert record["motion"] == "z"
+    assert not solves
+    run(*VERBS["response"], "--frequencies", "1:500")
+    assert len(solves) == 1
 
 
 def test_a_verb_answers_without_a_store_and_refuses_a_named_one(run, monkeypatch, tmp_path):

@@ -61,13 +61,13 @@ from fem.solve.load_stepping import Path
 from fem.solve.newton import STOPPED, NoStateError
 from fem.solve.path_state import PathState, about
 from fem.solve.press import Press
-from fem.solve.reduced_basis import ACCEPTED, Complex, Problem, ReducedSystem, reduce
+from fem.solve.reduced_basis import ACCEPTED, Complex, Problem, SmallSystem, reduce
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Magnet
 from geometry.relaxation import Relaxation, lame, relaxation_of
 
-__all__ = ["VibratingSensor", "Vibration", "vibrating_sensor"]
+__all__ = ["VibratingSensor", "Vibration", "vibrating_scene", "vibrating_sensor"]
 
 Motion = Literal["z", "x"]
 MOTIONS: tuple[Motion, ...] = ("z", "x")
@@ -76,6 +76,10 @@ DISPLACEMENT = {"z": np.array([0.0, 0.0, -1.0]), "x": np.array([1.0, 0.0, 0.0])}
 """Displacements by a unit motion."""
 ROUNDED = 1e-9
 """Relative rounding of a frequency at an end of the band."""
+LOWEST = 2
+"""Number of natural frequencies without damping of each system."""
+BELOW = np.geomspace(1e-12, 1.0, 49)
+"""Frequencies over the lowest one of a band at which it is known whether the basis carries them too."""
 ANGLES = 8
 """Angles in a quarter turn at which the pressure of order 1 is compared with that of the press."""
 LOST_AREA = 0.25
@@ -261,12 +265,24 @@ class Vibration:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ReducedBlock:
-    """One block, its reduced system, and what is read from the span of its basis."""
+    """One linear system on the span of a reduced basis of m vectors, and what is read from it.
 
-    block: Block
-    system: ReducedSystem
+    motions, held : as of its `Block`; held is None about the free sensor.
+    small : the system.
+    pose : (3, m) shift along x and z over D, and lean, by the unknowns.
+    pressure : that of the contact area; None without one, and for a grip.
+    undamped : (LOWEST,) lowest natural frequencies without damping, over `fem.analyses.modes.frequency_unit`.
+    factorisations, error : number with which the basis was built, and its largest error in the band.
+    """
+
+    motions: tuple[Motion, ...]
+    held: Array | None
+    small: SmallSystem
     pose: Array
     pressure: ContactPressure | None
+    undamped: Array
+    factorisations: int
+    error: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -280,6 +296,7 @@ class VibratingSensor:
     relaxation : branches of the silicone.
     band : lowest and highest frequency for which the sensor was prepared, Hz.
     reduced_blocks : linear systems of all motions.
+    errors_below : those of the reduced bases at the frequencies BELOW of the band.
     coarser : the same sensor on a coarser mesh, for estimates of errors at any frequency; None without one.
     """
 
@@ -288,17 +305,18 @@ class VibratingSensor:
     relaxation: Relaxation
     band: tuple[float, float]
     reduced_blocks: tuple[ReducedBlock, ...]
+    errors_below: Array
     coarser: VibratingSensor | None = None
 
     @property
     def factorisations(self) -> int:
         """Number of factorisations that all frequencies took."""
-        return sum(part.system.factorisations for part in self.reduced_blocks)
+        return sum(part.factorisations for part in self.reduced_blocks)
 
     @property
     def error(self) -> float:
         """Largest error of the reduced bases, relative, see `fem.solve.reduced_basis`."""
-        return max(part.system.error for part in self.reduced_blocks)
+        return max(part.error for part in self.reduced_blocks)
 
     def at(self, frequencies: Sequence[float] | Array) -> Vibration:
         """Return the vibration at frequencies (f,), Hz, in the band, or below it where the basis carries them.
@@ -314,15 +332,15 @@ class VibratingSensor:
         self._check_frequencies(f)
         answers = [_solve_part(part, self.scene, self.relaxation, f) for part in self.reduced_blocks]
         columns = (np.concatenate(values, axis=1) for values in zip(*answers, strict=True))
-        return Vibration(f, tuple(motion for part in self.reduced_blocks for motion in part.block.motions), *columns)
+        return Vibration(f, tuple(motion for part in self.reduced_blocks for motion in part.motions), *columns)
 
     def _check_frequencies(self, f: Array) -> None:
         low, high = self.band
         outside = f[~((low * (1 - ROUNDED) <= f) & (f <= high * (1 + ROUNDED)))]
         below = bool((outside < low).all()) and bool((outside >= 0).all())
         if below and len(outside):
-            coefficients = _coefficients(self.scene, self.relaxation, outside)
-            errors = np.max([part.system.errors(*coefficients) for part in self.reduced_blocks], axis=0)
+            after = np.searchsorted(low * BELOW, outside).clip(0, len(BELOW) - 1)
+            errors = np.maximum(self.errors_below[after], self.errors_below[np.maximum(after - 1, 0)])
             outside = outside[errors > ACCEPTED]
         if len(outside):
             raise BadInput(
@@ -335,18 +353,16 @@ class VibratingSensor:
         E, D, still = self.scene.design.E_now, self.scene.design.D, np.zeros(1)
         stiffness: dict[str, float] = {}
         for part in self.reduced_blocks:
-            if part.block.plate is not None:
-                force = part.block.held - part.system.b.T @ part.system.solve(still.astype(complex), still)[0].real
-                stiffness |= {motion: float(force[k, k]) * E * D for k, motion in enumerate(part.block.motions)}
+            if part.held is not None:
+                force = part.held - part.small.b.T @ part.small.solve(still.astype(complex), still)[0].real
+                stiffness |= {motion: float(force[k, k]) * E * D for k, motion in enumerate(part.motions)}
         return stiffness
 
-    def undamped(self, count: int = 2) -> dict[str, tuple[float, ...]]:
-        """Return the lowest natural frequencies without damping, Hz, of the motions "z", "x", or "z and x"."""
+    def undamped(self) -> dict[str, tuple[float, ...]]:
+        """Return the LOWEST natural frequencies without damping, Hz, of the motions "z", "x", or "z and x"."""
         unit = frequency_unit(self.scene.design)
         return {
-            " and ".join(part.block.motions): tuple(
-                float(value) * unit for value in np.sqrt(eigen(part.block.problem.K, part.block.problem.M, count)[0])
-            )
+            " and ".join(part.motions): tuple(float(value) * unit for value in part.undamped)
             for part in self.reduced_blocks
         }
 
@@ -426,12 +442,17 @@ def vibrating_sensor(
     """
     if check:
         check_vibration(design, load, band, accuracy)
-    relaxation, free = relaxation_of(design), not load.depth and load.grip is None
-    model: Model = "axisymmetric" if free else vibration_model(load)
-    scene = Scene(relaxed(design, relaxation), (Load() if free else load,), accuracy, magnet, model)
-    find = functools.partial(_solve_sensor, load=load, band=band, relaxation=relaxation)
+    scene = vibrating_scene(design, load, accuracy, magnet)
+    find = functools.partial(_solve_sensor, load=load, band=band, relaxation=relaxation_of(design))
     sensor = find(scene)
     return replace(sensor, coarser=solve_coarser(scene, find)) if estimate else sensor
+
+
+def vibrating_scene(design: Design, load: Load, accuracy: Accuracy, magnet: Magnet) -> Scene:
+    """Return the problem of the state at rest about which a sensor vibrates, with the long-term modulus."""
+    free = not load.depth and load.grip is None
+    model: Model = "axisymmetric" if free else vibration_model(load)
+    return Scene(relaxed(design, relaxation_of(design)), (Load() if free else load,), accuracy, magnet, model)
 
 
 def _solve_sensor(scene: Scene, load: Load, band: tuple[float, float], relaxation: Relaxation) -> VibratingSensor:
@@ -439,14 +460,27 @@ def _solve_sensor(scene: Scene, load: Load, band: tuple[float, float], relaxatio
     # so many frequencies that the solution holds everywhere between them
     f = np.geomspace(*band, 200)
     c, eigenvalues = _coefficients(scene, relaxation, f)
-    reduced_blocks = []
+    below = _coefficients(scene, relaxation, band[0] * BELOW)
+    reduced_blocks, errors = [], np.zeros(len(BELOW))
     for block in blocks:
         system = reduce(block.problem, c, eigenvalues)
         refuse_unstable(system.stability, load.depth)
+        errors = np.maximum(errors, system.errors(*below))
         presses = block.plate is not None and block.plate.height is not None
-        pressure = read_pressure(block, system.V) if presses else None
-        reduced_blocks.append(ReducedBlock(block, system, pose_slopes(block.state, system.V), pressure))
-    return VibratingSensor(scene, _read_state(path_state, scene, load), relaxation, band, tuple(reduced_blocks))
+        reduced_blocks.append(
+            ReducedBlock(
+                block.motions,
+                None if block.plate is None else block.held,
+                system.small,
+                pose_slopes(block.state, system.V),
+                read_pressure(block, system.V) if presses else None,
+                np.sqrt(eigen(block.problem.K, block.problem.M, LOWEST)[0]),
+                system.factorisations,
+                system.error,
+            )
+        )
+    state = _read_state(path_state, scene, load)
+    return VibratingSensor(scene, state, relaxation, band, tuple(reduced_blocks), errors)
 
 
 def _read_state(state: PathState, scene: Scene, load: Load) -> Solution:
@@ -466,18 +500,18 @@ def _solve_part(
     part: ReducedBlock, scene: Scene, relaxation: Relaxation, f: Array
 ) -> tuple[Complex, Complex, Complex, Array]:
     """Return force, shift, tilt and kept amplitude of `Vibration` for the motions of one part."""
-    D, E, system, block = scene.design.D, scene.design.E_now, part.system, part.block
+    D, E = scene.design.D, scene.design.E_now
     c, eigenvalues = _coefficients(scene, relaxation, f)
-    y = system.solve(c, eigenvalues)
-    k = len(block.motions)
+    y = part.small.solve(c, eigenvalues)
+    k = len(part.motions)
     force = np.full((len(f), 2, k), np.nan, dtype=np.complex128)
     amplitude = np.full((len(f), k), np.nan)
-    if block.plate is None:
+    if part.held is None:
         y = y * eigenvalues[:, None, None]
     else:
-        rows = [("x", "z").index(motion) for motion in block.motions]
+        rows = [("x", "z").index(motion) for motion in part.motions]
         force[:] = 0.0
-        force[:, rows] = (block.held - system.b.T @ y) * E * D
+        force[:, rows] = (part.held - part.small.b.T @ y) * E * D
         if part.pressure is not None:
             amplitude = _kept_amplitude(part.pressure, y) * D
     pose = part.pose @ y

@@ -66,29 +66,13 @@ class Problem:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ReducedSystem:
-    """The system on the span of a basis.
+class SmallSystem:
+    """The system on the span of a basis of m vectors: projected matrices (m, m), and right-hand sides b (m, k)."""
 
-    V : (n, m) basis, whose displacements are orthonormal.
-    K, R, M, b : projected matrices (m, m), and right-hand sides (m, k).
-    sample : (s,) rows over which the error is measured.
-    static, W : (s, k) and (s, 2 m) these rows of K^-1 b, and of the columns of K^-1 R V and -K^-1 M V in turn.
-    factorisations : number of factorisations with which the basis was built.
-    stability : that of the body at rest.
-    error : largest error at the frequencies for which it was built.
-    """
-
-    V: Array
     K: Array
     R: Array
     M: Array
     b: Array
-    sample: Ints
-    static: Array
-    W: Array
-    factorisations: int
-    stability: Stability
-    error: float = np.inf
 
     def solve(self, c: Complex, eigenvalues: Array) -> Complex:
         """Return y (f, m, k) at frequencies with c (f,) and lambda (f,)."""
@@ -100,9 +84,32 @@ class ReducedSystem:
             y[batch] = np.linalg.solve(A, self.b.astype(np.complex128))
         return y
 
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ReducedSystem:
+    """A basis, the system on its span, and what measures its error.
+
+    V : (n, m) basis, whose displacements are orthonormal.
+    small : the system on its span.
+    sample : (s,) rows over which the error is measured.
+    static, W : (s, k) and (s, 2 m) these rows of K^-1 b, and of the columns of K^-1 R V and -K^-1 M V in turn.
+    factorisations : number of factorisations with which the basis was built.
+    stability : that of the body at rest.
+    error : largest error at the frequencies for which it was built.
+    """
+
+    V: Array
+    small: SmallSystem
+    sample: Ints
+    static: Array
+    W: Array
+    factorisations: int
+    stability: Stability
+    error: float = np.inf
+
     def errors(self, c: Complex, eigenvalues: Array, y: Complex | None = None) -> Array:
-        """Return the error (f,) at frequencies, see the module docstring; y : what `solve` returns there."""
-        y = self.solve(c, eigenvalues) if y is None else y
+        """Return the error (f,) at frequencies, see the module docstring; y : solutions there."""
+        y = self.small.solve(c, eigenvalues) if y is None else y
         return _errors(self.static, self.V[self.sample], self.W, y, c, eigenvalues)
 
     def extend(self, vectors: Array, problem: Problem, static_solver: Solver) -> ReducedSystem:
@@ -110,13 +117,12 @@ class ReducedSystem:
         V = np.hstack([self.V, vectors])
         K, R, M = (multiply(matrix, vectors) for matrix in (problem.K, problem.R, problem.M))
         loads = np.stack([R, -M], axis=2).reshape(len(V), -1)
+        small, b = self.small, V.T @ problem.b
+        K, R, M = (_bordered(old, V.T @ columns) for old, columns in ((small.K, K), (small.R, R), (small.M, M)))
         return replace(
             self,
             V=V,
-            K=_bordered(self.K, V.T @ K),
-            R=_bordered(self.R, V.T @ R),
-            M=_bordered(self.M, V.T @ M),
-            b=V.T @ problem.b,
+            small=SmallSystem(K, R, M, b),
             W=np.hstack([self.W, _refined(static_solver, problem.K, loads)[self.sample]]),
         )
 
@@ -138,7 +144,8 @@ def reduce(
     static_solver.factorise(problem.K)
     static, stability = _refined(static_solver, problem.K, problem.b), static_solver.stability(n - problem.moving)
     none, no_rows = np.empty((0, 0)), np.empty((len(sample), 0))
-    system = ReducedSystem(np.empty((n, 0)), none, none, none, none, sample, static[sample], no_rows, 1, stability)
+    small = SmallSystem(none, none, none, none)
+    system = ReducedSystem(np.empty((n, 0)), small, sample, static[sample], no_rows, 1, stability)
     # with the static solutions the slow limit is exact
     system = system.extend(_independent(static, system.V, problem.moving), problem, static_solver)
     for rounds in range(1, most_rounds + 1):
@@ -147,7 +154,7 @@ def reduce(
         vectors = _independent(_local_vectors(moving, shifted, problem, residual), system.V, problem.moving)
         if vectors.size:
             system = system.extend(vectors, problem, static_solver)
-        y = system.solve(c, eigenvalues)
+        y = system.small.solve(c, eigenvalues)
         errors = system.errors(c, eigenvalues, y)
         worst = int(np.argmax(errors))
         if best is None or errors[worst] < best.error:

@@ -236,6 +236,7 @@ def response(call: Call, *, vibration: option_groups.Vibration = option_groups.V
     from studies.simulation import vibration_report
 
     here = call.here(vibration_report.FILES)
+    atomic_files.check_apart([vibration.store], [call.source])
     design = call.design(vibration.elements.magnet)
     study = vibration_report.study(design, vibration)
     say_if_without_magnet(design)

@@ -264,6 +264,7 @@ class Vibration:
     plate_tilt: PlateTilt = 0.0
     grip: Grip | None = None
     elements: Elements = Elements()
+    store: StoreFile | None = None
     extrapolate: bool = False
     """Allow frequencies for which the silicone's branches do not speak, and mark the results."""
 

@@ -34,16 +34,17 @@ from typing import Any, Literal
 
 from fem.physics_version import ESTIMATES, PHYSICS
 from fem.scene import Scene
-from fem.solution import Estimates, Facts, Solution, Stability
+from fem.solution import Solution
 from geometry.bad_input import SolveFailed
 from geometry.design import Design
 from geometry.loads import ANSWERED, Load, Response
 from geometry.messages import Progress
 from studies.mechanics import timed_quantities
 from studies.mechanics.store import Outcome, Position, State, position
+from studies.mechanics.stored_solutions import of_similar, recorded, restored, turned
 from studies.mechanics.timed_quantities import STILL, PlateMotion
 from studies.output.provenance import versions
-from studies.quantities import QUANTITIES, Path, stored_parts, stored_values
+from studies.quantities import QUANTITIES, Path, stored_values
 
 Kind = Literal["states", "small shear", "slow loading"] | Path
 """What a path holds."""
@@ -63,7 +64,8 @@ class Place:
     direction : direction of the case's shear, to which the answer is turned.
     motion : of the plate, of cycles only; other answers do not depend on it.
     options : what else is asked: "guided" (True) of a critical depth, "count" of modes; of cycles, in place of a
-        motion, "frequency", "waveform", "cycles", "hold" and "tolerance", for all states and not only the last loop.
+        motion, "frequency", "waveform", "cycles", "hold" and "tolerance", for all states and not only the last loop;
+        of a response "lowest" and "highest", Hz, for the sensor at all frequencies between them.
     """
 
     scene: Scene
@@ -79,7 +81,7 @@ class Place:
         and of the estimates."""
         scene, kind = self.scene, self.kind
         if kind == "response":
-            return timed_quantities.response_content(scene)
+            return timed_quantities.response_content(scene, self.options)
         if kind == "cycle":
             return timed_quantities.cycle_content(scene, self.motion, self.options)
         values = scene.dimensionless() | {"estimates": ESTIMATES}
@@ -122,6 +124,8 @@ def place(
     if kind == "states":
         alone, direction = _canonical(scene, load)
         return Place(replace(scene, loads=(alone,)), kind, position_of(alone, D), direction)
+    if kind == "response" and options:
+        return Place(timed_quantities.sensor_scene(scene), kind, (0.0, 0.0), options=options)
     sections = replace(scene, model="auto")
     if kind == "slow loading" or (kind == "cycle" and options):
         # with the direction of their shear along x, and in the units of the design
@@ -192,27 +196,8 @@ class Answer:
         if self.response is None:
             return replace(self, D=D, E=E, message=message)
         length = D / self.D
-        response = _turned(self.response.scaled(length, E / self.E * length**2), direction)
+        response = turned(self.response.scaled(length, E / self.E * length**2), direction)
         return replace(self, D=D, E=E, response=response, message=message)
-
-
-def of_similar(message: str, D: float, solved_D: float) -> str:
-    """Return the message of an answer for a design of another diameter, mm: its lengths are those of the solve."""
-    return f"solved at D = {solved_D:g} mm: {message}" if message and solved_D != D else message
-
-
-def _turned(response: Response, direction: tuple[float, float]) -> Response:
-    if direction == (1.0, 0.0):
-        return response
-    c, s = direction
-    (fx, fy, fz), (x, y, z) = response.force, response.shift
-    return replace(
-        response,
-        force=(c * fx - s * fy, s * fx + c * fy, fz),
-        shift=(c * x - s * y, s * x + c * y, z),
-        tilt=c * response.tilt - s * response.tilt_y,
-        tilt_y=s * response.tilt + c * response.tilt_y,
-    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -296,7 +281,7 @@ def solved(task: Task, progress: Progress | None = None) -> Iterator[Reached]:
         if not left or alone or not steps or end[0] != "not_converged":
             break
     status, message, last = end
-    record = None if last is None else {"load": dataclasses.asdict(last.load), **_recorded(last)}
+    record = None if last is None else {"load": dataclasses.asdict(last.load), **recorded(last)}
     lost = {"response": None, "error_estimate": None, "message": message, "reached": record}
     yield from ((_stored(scene, load, "failed", status, lost, last.seconds if last else 0.0), last) for load in left)
 
@@ -331,10 +316,6 @@ def _smaller_steps(load: Load, solved: Sequence[Position], D: float) -> list[Loa
     return [_at(load, at, D) for at in positions]
 
 
-ESTIMATED = ("force", "shift", "tilt", "sideways", "contact_radius")
-"""Quantities of a state whose estimated errors are stored, beside those of `stored_parts`."""
-
-
 @functools.cache
 def _origin() -> str:
     """Return versions and commit, which take longer to find than some presses to solve, once per process."""
@@ -357,26 +338,8 @@ def _state(scene: Scene, load: Load, solution: Solution, *, ratios: bool) -> Sta
     # a press that was not asked for its ratio may have one all the same
     if not ratios and facts.sideways_stiffness_ratio is None and solution.model == "axisymmetric":
         del values["sideways_stiffness_ratio"]
-    answer = _recorded(solution) | {"values": values}
+    answer = recorded(solution) | {"values": values}
     return _stored(scene, load, "ok", solution.status, answer, solution.seconds)
-
-
-OF_SOLUTION = ("model", "energy", "dofs", "newton_iterations", "dissipated", "slip_share", "radius_from")
-"""Attributes of a solution that are stored beside its response, facts and estimates."""
-
-
-def _recorded(solution: Solution) -> dict[str, Any]:
-    """Return all of a solution but its field, as JSON; lengths in mm and energies in mJ are those of its design."""
-    estimates, facts = solution.estimates, dataclasses.asdict(solution.facts)
-    estimated = (*ESTIMATED, *(part.estimate for part in stored_parts() if part.estimate))
-    rest = {"facts": facts, "estimates": dataclasses.asdict(estimates)}
-    return {
-        "response": dataclasses.asdict(solution.response),
-        "error_estimate": estimates.force,
-        "message": solution.message,
-        "estimates": {name: getattr(estimates, name) for name in estimated},
-        "solution": {name: getattr(solution, name) for name in OF_SOLUTION} | rest,
-    }
 
 
 def solution(state: State, place: Place, load: Load, design: Design) -> Solution | None:
@@ -389,36 +352,22 @@ def solution(state: State, place: Place, load: Load, design: Design) -> Solution
         return None
     answer = state.answer
     length, E = design.D / answer["D_mm"], design.E_now / answer["E_MPa"]
-    record: dict[str, Any] = dict(values["solution"])
-    facts: dict[str, Any] = {
-        name: tuple(each) if isinstance(each, list) else each for name, each in record.pop("facts").items()
-    }
-    facts["stability"] = Stability(**facts["stability"])
-    if facts["onset_mm"]:
-        facts["onset_mm"] = tuple(length * one for one in facts["onset_mm"])
-    facts["critical_depth"] = facts["critical_depth"] and length * facts["critical_depth"]
+    if state.outcome != "ok":
+        at = values["load"]
+        (c, s), x, y = place.direction, length * at["shear_x"], length * at["shear_y"]
+        reached = replace(load, depth=length * at["depth"], shear_x=c * x - s * y, shear_y=s * x + c * y)
+    else:
+        reached = load
+    found = restored(values, reached, length, E, place.direction)
     message = of_similar(answer["message"], design.D, answer["D_mm"])
-    if facts["remark"] is None and load.shear + (load.friction == "stick") and not load.shears_tip:
+    if found.facts.remark is None and load.shear + (load.friction == "stick") and not load.shears_tip:
         # the stored press is frictionless
         from fem.results.diagnostics import REMARKS
 
         remark = "slides_over" if load.shear else "idle_stick"
-        facts["remark"], message = remark, "; ".join(filter(None, (message, REMARKS[remark])))
-    if state.outcome != "ok":
-        at = values["load"]
-        (c, s), x, y = place.direction, length * at["shear_x"], length * at["shear_y"]
-        load = replace(load, depth=length * at["depth"], shear_x=c * x - s * y, shear_y=s * x + c * y)
-    response = Response.restored(values["response"]).scaled(length, E * length**2)
-    record |= {name: E * length**3 * record[name] for name in ("energy", "dissipated")}
-    return Solution(
-        load=load,
-        response=_turned(response, place.direction),
-        seconds=state.seconds,
-        facts=Facts(**facts),
-        message=message,
-        estimates=Estimates(**record.pop("estimates")),
-        **record,
-    )
+        found = replace(found, facts=replace(found.facts, remark=remark))
+        message = "; ".join(filter(None, (message, REMARKS[remark])))
+    return replace(found, message=message, seconds=state.seconds)
 
 
 def _stored(
@@ -577,7 +526,7 @@ SINGLE: dict[Kind, Callable[[Task, Progress], dict[str, Any]]] = {
     "critical depth": _critical,
     "small shear": _small_shear,
     "modes": _modes,
-    "response": lambda task, _: timed_quantities.solve_response(task.scene),
+    "response": lambda task, _: timed_quantities.solve_response(task.scene, task.options),
     "cycle": lambda task, progress: timed_quantities.solve_cycle(task.scene, task.motion, task.options, progress),
     "slow loading": _slow_loading,
 }

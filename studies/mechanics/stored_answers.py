@@ -10,14 +10,22 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
+from fem.accuracy import Accuracy
 from fem.scene import Scene
 from fem.solution import Solution
 from geometry.bad_input import SolveFailed
+from geometry.design import Design
+from geometry.loads import Load, Magnet
 from geometry.messages import Progress
 from studies.mechanics import path_solver
 from studies.mechanics.path_solver import Answer, Place
 from studies.mechanics.store import Position, Store, as_stored
+from studies.mechanics.stored_solutions import restored_sensor
+
+if TYPE_CHECKING:
+    from fem.analyses.vibration import VibratingSensor
 
 
 def asked(place: Place, store: Store, values: Iterable[str] = (), progress: Progress | None = None) -> Answer:
@@ -36,6 +44,31 @@ def asked(place: Place, store: Store, values: Iterable[str] = (), progress: Prog
     design = place.scene.design
     answer = path_solver.answer(state, place.scene.accuracy.section_size)
     return answer.of(design.D, design.E_now, place.direction)
+
+
+def vibrating(
+    design: Design,
+    load: Load,
+    band: tuple[float, float],
+    accuracy: Accuracy,
+    magnet: Magnet,
+    store: Store,
+    progress: Progress | None = None,
+) -> VibratingSensor:
+    """Return the sensor of `fem.analyses.vibration.vibrating_sensor` with that on a coarser mesh, for a load that
+    `check_vibration` takes.
+
+    SolveFailed where the load is not reached, or the state there is unstable.
+    """
+    from fem.analyses.vibration import vibrating_scene
+
+    scene = vibrating_scene(design, load, accuracy, magnet)
+    place = path_solver.place(scene, "response", options={"lowest": band[0], "highest": band[1]})
+    found = asked(place, store, ["sensor"], progress)
+    if not found.values:
+        raise SolveFailed(found.message)
+    sensor = restored_sensor(found.values["sensor"], scene, load, band)
+    return replace(sensor, state=replace(sensor.state, message=found.message))
 
 
 def is_kept(scene: Scene) -> bool:

@@ -18,12 +18,13 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, Literal
 
 import numpy as np
 
 from fem.accuracy import Accuracy
-from fem.physics_version import PHYSICS
+from fem.physics_version import ESTIMATES, PHYSICS
 from fem.scene import Scene, relaxed
 from geometry.arrays import Array
 from geometry.bad_input import SolveFailed
@@ -32,6 +33,7 @@ from geometry.loads import ANSWERED
 from geometry.messages import Progress
 from geometry.relaxation import Relaxation, range_sentence, relaxation_of
 from studies.mechanics.cycle_motion import Motion, frequency_of
+from studies.mechanics.stored_solutions import recorded_sensor
 
 TIMED = ("response", "cycle")
 """Quantities that depend on time."""
@@ -131,10 +133,18 @@ def unit_of(at_rest: Design) -> float:
     return frequency_unit(at_rest)
 
 
-def response_content(scene: Scene) -> dict[str, Any]:
-    """Return everything on which the response of a scene at rest depends; the shear is along x."""
+def sensor_scene(scene: Scene) -> Scene:
+    """Return the scene of a vibrating sensor with any load, in the direction of its shear."""
+    from fem.analyses.vibration import vibrating_scene
+
+    at_rest = vibrating_scene(scene.design, scene.loads[0], scene.accuracy, scene.magnet)
+    return replace(at_rest, design=replace(at_rest.design, modulus="long-term"))
+
+
+def response_content(scene: Scene, options: Mapping[str, Any]) -> dict[str, Any]:
+    """Return everything on which the response of a scene at rest depends; without options the shear is along x."""
     design, unit = scene.design, unit_of(scene.design)
-    low, high = band(design, scene.accuracy)
+    low, high = (options["lowest"], options["highest"]) if options else band(design, scene.accuracy)
     ratio = design.magnet_density / design.density if scene.magnet == "rigid" else 0.0
     load = {
         "density_ratio": float(f"{ratio:.12g}"),
@@ -142,6 +152,9 @@ def response_content(scene: Scene) -> dict[str, Any]:
         "lowest": float(f"{low / unit:.12g}"),
         "highest": float(f"{high / unit:.12g}"),
     }
+    if options:
+        load |= scene.dimensionless()["loads"][0]
+        return _content(scene, "response", load) | {"estimates": ESTIMATES}
     return _content(scene, "response", load)
 
 
@@ -158,9 +171,10 @@ def branches(relaxation: Relaxation, rate: float) -> str:
     return " ".join(f"{g:.12g}:{tau * rate:.12g}" for g, tau in pairs)
 
 
-def solve_response(scene: Scene) -> dict[str, Any]:
+def solve_response(scene: Scene, options: Mapping[str, Any]) -> dict[str, Any]:
     """Solve for the vibration of a scene at rest.
 
+    With options "sensor" is what `stored_solutions.recorded_sensor` returns, with that of a coarser mesh. Else
     "stiffness_real" and "stiffness_imag": Z over |Z| at the lowest frequency, on the grid; "bandwidth", "resonance":
     frequency at which the gain 1 / |Z| is first 3 dB below that at the lowest one, and of its first peak, over the
     unit, None beyond the band; "Q" of this peak, None without branches; "status" and "message" of the state at rest.
@@ -169,8 +183,14 @@ def solve_response(scene: Scene) -> dict[str, Any]:
     from studies.mechanics import resonance_peaks
 
     (load,) = scene.loads
-    low, high = band(scene.design, scene.accuracy)
-    sensor = vibrating_sensor(scene.design, load, (low, high), scene.accuracy, magnet=scene.magnet)
+    low, high = (options["lowest"], options["highest"]) if options else band(scene.design, scene.accuracy)
+    prepare = partial(vibrating_sensor, scene.design, load, (low, high), scene.accuracy, magnet=scene.magnet)
+    if options:
+        sensor = prepare(check=False, estimate=True)
+        at_rest = {"status": sensor.state.status, "message": sensor.state.message}
+        stiffnesses = [*sensor.static_stiffness().values()]
+        return {"sensor": recorded_sensor(sensor), "stiffness": stiffnesses, **at_rest}
+    sensor = prepare()
     axis = "x" if load.shears_tip else "z"
 
     def stiffness(f: Array) -> Any:

@@ -20,7 +20,7 @@ from fem.scene import MOST_MODES, Scene
 from geometry.arrays import Array
 from geometry.bad_input import SolveFailed
 from geometry.design import BadInput, Design
-from geometry.loads import Load, Magnet, check_load
+from geometry.loads import Load, check_load
 from geometry.messages import Progress
 from geometry.relaxation import Relaxation, check_range, relaxation_notes
 from studies.inputs.option_groups import Elements, Vibration
@@ -28,7 +28,8 @@ from studies.mechanics import resonance_peaks
 from studies.mechanics import store as stores
 from studies.mechanics.path_solver import frequency_unit, place
 from studies.mechanics.resonance_peaks import ACCURATE, BAND, Gain, bandwidth, flat_to, peaks
-from studies.mechanics.stored_answers import asked
+from studies.mechanics.store import Store
+from studies.mechanics.stored_answers import asked, vibrating
 from studies.output import page_templates
 from studies.output.figures import save, table_of
 from studies.output.records import FlatRow
@@ -38,7 +39,6 @@ from studies.simulation.load_cases import friction_of, plate_tilt_of
 from studies.simulation.response_curves import At, Complex, Curves
 
 if TYPE_CHECKING:
-    from fem.accuracy import Accuracy
     from fem.analyses.vibration import VibratingSensor
 
 FILES = ("response.csv", "ladder.csv", "response_z.png", "response_x.png")
@@ -75,7 +75,7 @@ def study(design: Design, options: Vibration) -> Callable[[Progress], Result]:
         # the free sensor touches no plate, whose friction and tilt would count
         load = Load(depth, shear, shear_y, friction=contact if depth else "none", plate_tilt=tilt if depth else 0.0)
     check_load(design, load, options.elements.magnet)
-    return partial(run, design, load, band, options.count, options.elements, warnings)
+    return partial(run, design, load, band, options.count, options.elements, options.store, warnings)
 
 
 def read_band(text: str) -> tuple[float, float]:
@@ -100,19 +100,22 @@ def run(
     band: tuple[float, float],
     count: int,
     elements: Elements,
+    store: Path | None,
     warnings: Sequence[str],
     progress: Progress,
 ) -> Result:
     """Compute the vibration about a state; the status of a state that is not reached or not stable is failed.
 
+    The reduced systems from which all frequencies follow come from the store, and are kept there.
+
     load : press and shear; depth 0 for the free sensor, whose base is shaken.
     count : number of frequencies in the band, Hz, evenly log-spaced; the table has the resonances too.
     warnings : those of the options, which the result repeats.
     """
-    level, magnet = elements.level, elements.magnet
     try:
-        motions, tables, pictures, at_rest = _solve(design, load, band, count, level, magnet, progress)
-        notes = _notes(design, load, at_rest, magnet, level)
+        with stores.opened(store) as states:
+            motions, tables, pictures, at_rest = _solve(design, load, band, count, elements, states, progress)
+            notes = _notes(design, load, at_rest, elements, states)
     except SolveFailed as error:
         record = {"status": "failed", "message": str(error), "depth_mm": load.depth, "shear_mm": load.shear_x}
         return Result(title="Vibration", records=[record], failures=failure_of([record]))
@@ -143,20 +146,21 @@ def _solve(
     load: Load,
     band: tuple[float, float],
     count: int,
-    level: Accuracy,
-    magnet: Magnet,
+    elements: Elements,
+    store: Store,
     progress: Progress,
 ) -> tuple[list[FlatRow], dict[str, list[FlatRow]], dict[str, Writer], Design]:
     """Return motions, tables, pictures and the design with the modulus at rest; the matrices are free thereafter."""
-    from fem.analyses.vibration import check_vibration, vibrating_sensor
+    from fem.analyses.vibration import check_vibration
 
+    level, magnet = elements.level, elements.magnet
     check_load(design, load, magnet)
     check_vibration(design, load, band, level)
     frequencies = np.geomspace(*band, count)
     # geomspace rounds its ends
     frequencies[[0, -1]] = band
     progress(0.0, "the state and its vibrations")
-    sensor = vibrating_sensor(design, load, band, level, magnet=magnet, estimate=True)
+    sensor = vibrating(design, load, band, level, magnet, store, progress)
     progress(0.7, "resonances")
     at = response_curves.evaluator(design, sensor)
     coarse = {} if sensor.coarser is None else response_curves.evaluator(design, sensor.coarser)(frequencies)
@@ -197,11 +201,13 @@ def _compliance(at: At, motion: str, f: Array) -> Complex:
     return at(f)[motion].compliance
 
 
-def _notes(design: Design, load: Load, at_rest: Design, magnet: Magnet, level: Accuracy) -> list[str]:
-    from fem.analyses.modes import modes
-
-    free = modes(at_rest, magnet, 6, accuracy=level, estimate=False)
-    first = _first(free.frequency, free.shape)
+def _notes(design: Design, load: Load, at_rest: Design, elements: Elements, store: Store) -> list[str]:
+    free = Scene(at_rest, (Load(),), elements.level, elements.magnet)
+    found = asked(place(free, "modes"), store)
+    if not found.values:
+        raise SolveFailed(found.message)
+    unit = frequency_unit(at_rest.D, at_rest.E_now, at_rest.density)
+    first = _first([unit * one for one in found.values["frequency"]], found.values["shape"])
     silicone, whole = spring_mass(at_rest)
     return sentences(
         "notes",

@@ -291,8 +291,8 @@ STEP = 1e-5
 def slow_limit(_: int) -> tuple[float, ...]:
     sensor = vibrating_sensor(paper(), SHEARED, (1e-6, 1.0), QUICK)
     force, unit = sensor.at([1e-6]).force[0].real, sensor.scene.design.E * sensor.scene.design.D
-    (part,) = sensor.reduced_blocks
-    state, plate = part.block.state, part.block.plate
+    (block,) = build_blocks(sensor.scene)[1]
+    state, plate = block.state, block.plate
     assert plate is not None
     assert plate.height is not None
     ratios, solver = [], Solver()
@@ -305,7 +305,7 @@ def slow_limit(_: int) -> tuple[float, ...]:
             traction = plate_contact.springs(state.skin, reached.u, moved).traction
             forces.append(np.einsum("kq,kqi->i", state.skin.weights, traction)[[0, 2]] * [-1.0, 1.0])
         slope = (forces[0] - forces[1])[component] / (2 * STEP) * unit
-        ratios.append(float(force[part.block.motions.index(motion), component] / slope))
+        ratios.append(float(force[block.motions.index(motion), component] / slope))
     return tuple(ratios)
 
 
@@ -350,8 +350,8 @@ def correspondence(_: int) -> tuple[float, ...]:
         # the first frequency is that of the static stiffness
         factors = np.concatenate([[1.0], g])
         reduced = reduce(replace(problem, R=R), factors - 1, np.zeros(len(factors)))
-        y = reduced.solve(factors - 1, np.zeros(len(factors)))
-        Z = factors * block.held[0, 0] - factors**2 * (reduced.b.T @ y)[:, 0, 0]
+        y = reduced.small.solve(factors - 1, np.zeros(len(factors)))
+        Z = factors * block.held[0, 0] - factors**2 * (reduced.small.b.T @ y)[:, 0, 0]
         answers.append(1 + float(np.abs(Z[1:] / (Z[0].real * g) - 1).max()))
     return tuple(answers)
 
@@ -368,16 +368,17 @@ def full_solutions(_: int) -> Array:
     sensor = vibrating_sensor(paper(), GLUED, (1.0, 1000.0), QUICK)
     unit = frequency_unit(sensor.scene.design)
     differences = []
-    for part, f in itertools.product(sensor.reduced_blocks, (1.0, 600.0, 1000.0)):
+    pairs = zip(sensor.reduced_blocks, build_blocks(sensor.scene)[1], strict=True)
+    for (part, block), f in itertools.product(pairs, (1.0, 600.0, 1000.0)):
         g = complex(sensor.relaxation.complex_modulus(2 * np.pi * f)) / sensor.relaxation.rest
         c, eigenvalue = g - 1, (f / unit) ** 2
-        x = full_solution(part.block.problem, c, eigenvalue)
-        y = part.system.solve(np.array([c]), np.array([eigenvalue]))[0]
-        full = part.block.held - part.block.problem.b.T @ x
-        reduced = part.block.held - part.system.b.T @ y
-        pose = pose_slopes(part.block.state, x.real) + 1j * pose_slopes(part.block.state, x.imag)
-        pairs = (reduced, full), (part.pose @ y, pose)
-        differences.append([np.abs(a - b).max() / np.abs(b).max() for a, b in pairs])
+        x = full_solution(block.problem, c, eigenvalue)
+        y = part.small.solve(np.array([c]), np.array([eigenvalue]))[0]
+        full = block.held - block.problem.b.T @ x
+        reduced = block.held - part.small.b.T @ y
+        pose = pose_slopes(block.state, x.real) + 1j * pose_slopes(block.state, x.imag)
+        compared = (reduced, full), (part.pose @ y, pose)
+        differences.append([np.abs(a - b).max() / np.abs(b).max() for a, b in compared])
     return np.asarray(1 + np.max(differences, axis=0))
 
 
