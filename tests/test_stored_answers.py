@@ -18,6 +18,8 @@ QUICK = ("--accuracy", "quick", "--magnet", "ignored")
 VERBS = {
     "press": ("solve", "paper", "--depths", "0.5,1", *QUICK),
     "shear": ("solve", "paper", "--depth", 0.5, "--shear", 0.3, "--shear-y", 0.4, "--steps", 2, *QUICK),
+    "forces": ("solve", "paper", "--forces", "1,2", *QUICK),
+    "sheared force": ("solve", "paper", "--force", 2, "--shear-force", 0.5, "--shear-force-y", 0.5, *QUICK),
     "response": ("response", "paper", "--depth", 1, "--friction", "none", "--count", 5, *QUICK),
     "modes": ("modes", "paper", "--count", 3, *QUICK),
 }
@@ -45,11 +47,21 @@ def changed(statement):
 def test_a_second_run_solves_nothing_and_prints_the_same(name, run, solves):
     first = run(*VERBS[name], "--json")
     assert first[0] == 0
-    assert len(first[1].splitlines()) == (2 if name in ("press", "shear") else 1)
+    assert len(first[1].splitlines()) == (2 if name in ("press", "shear", "forces") else 1)
     assert solves
     solves.clear()
     assert run(*VERBS[name], "--json")[:2] == first[:2]
     assert not solves
+
+
+def test_a_force_that_no_state_has_is_kept_with_the_nearest_state(run, solves, strict):
+    far = ("solve", "paper", "--set", "L=6", "--set", "l0=6", "--forces", "1,5000", *QUICK, "--json")
+    run(*far[:-7], "--forces", "1", *QUICK)
+    first = run(*far)
+    assert [len(task.options["targets"]) for task in solves] == [1, 1]
+    assert (first[0], [row["status"] for row in strict(first[1])]) == (3, ["ok", "out_of_reach"])
+    assert run(*far)[:2] == first[:2]
+    assert len(solves) == 2
 
 
 def test_other_frequencies_of_a_band_need_no_solve(run, solves, strict):
@@ -141,9 +153,10 @@ def test_states_are_shared_with_sweeps_and_a_path_continues_where_it_was_interru
     assert (row["fem_force_N"], len(solves)) == (rows[-1]["force_N"][2], 2)
 
 
-def test_a_picture_of_a_kept_state_needs_a_solve_of_its_body_only(run, solves, tmp_path):
-    first = run(*VERBS["press"], "--json")
-    assert run(*VERBS["press"], "--json", "--out", tmp_path / "last.vtu")[:2] == first[:2]
+@pytest.mark.parametrize("name", ["press", "sheared force"])
+def test_a_picture_of_a_kept_state_needs_a_solve_of_its_body_only(name, run, solves, tmp_path):
+    first = run(*VERBS[name], "--json")
+    assert run(*VERBS[name], "--json", "--out", tmp_path / "last.vtu")[:2] == first[:2]
     assert len(solves) == 1
     assert (tmp_path / "last.vtu").stat().st_size > 1000
 

@@ -378,11 +378,7 @@ def walk_forces(
         Before the first state: a target does not suit the design or the model. Later: a force is not reached; the
         sentence names the largest one.
     """
-    scenes = []
-    for target in targets:
-        # a scene at the expected depth, with a shear: only its direction decides the mesh
-        depth = expected_depth(design, magnet, target.force / (design.E_now * design.D**2)) * design.D
-        scenes.append(Scene(design, (target.load_at(depth, depth),), accuracy, magnet, model, mesh))
+    scenes = [target_scene(design, target, accuracy, magnet=magnet, model=model, mesh=mesh) for target in targets]
     search, total = _Search(estimate), len(targets)
     return (
         search.solve(
@@ -390,6 +386,20 @@ def walk_forces(
         )
         for done, (target, scene) in enumerate(zip(targets, scenes, strict=True))
     )
+
+
+def target_scene(
+    design: Design,
+    target: ForceTarget,
+    accuracy: Accuracy,
+    *,
+    magnet: Magnet = "rigid",
+    model: Model = "auto",
+    mesh: skfem.MeshTet2 | None = None,
+) -> Scene:
+    """Return a scene at the expected depth of a target, with a shear: only its direction decides the mesh."""
+    depth = expected_depth(design, magnet, target.force / (design.E_now * design.D**2)) * design.D
+    return Scene(design, (target.load_at(depth, depth),), accuracy, magnet, model, mesh)
 
 
 def _report(

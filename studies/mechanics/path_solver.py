@@ -16,7 +16,8 @@ full) are no exact body of revolution, and keep the direction.
 
 More quantities are stored, each as a path with a single state: the critical depth of a design with a free or a
 guided tip, a small shear and the natural frequencies about a press, and its vibration and cycles
-(`timed_quantities`).
+(`timed_quantities`). So is a state with wanted forces, in the units of its design: the depth and the shear that have
+them are found by a search on a path of its own.
 
 An answer holds the D and E of the design that was solved, and `Answer.of` scales it to a similar one. A `Task` is all
 that is missing of one path; a worker process solves it, and returns its states for the store.
@@ -30,11 +31,11 @@ import math
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from fem.physics_version import ESTIMATES, PHYSICS
 from fem.scene import Scene
-from fem.solution import Solution
+from fem.solution import ForceOutOfReach, Solution
 from geometry.bad_input import SolveFailed
 from geometry.design import Design
 from geometry.loads import ANSWERED, Load, Response
@@ -46,7 +47,10 @@ from studies.mechanics.timed_quantities import STILL, PlateMotion
 from studies.output.provenance import versions
 from studies.quantities import QUANTITIES, Path, stored_values
 
-Kind = Literal["states", "small shear", "slow loading"] | Path
+if TYPE_CHECKING:
+    from fem.analyses.force_targets import ForceTarget
+
+Kind = Literal["states", "force", "small shear", "slow loading"] | Path
 """What a path holds."""
 KINDS: dict[str, Kind] = {name: each.path for name, each in QUANTITIES.items() if each.path}
 """Quantities that are paths of their own in the store."""
@@ -65,7 +69,8 @@ class Place:
     motion : of the plate, of cycles only; other answers do not depend on it.
     options : what else is asked: "guided" (True) of a critical depth, "count" of modes; of cycles, in place of a
         motion, "frequency", "waveform", "cycles", "hold" and "tolerance", for all states and not only the last loop;
-        of a response "lowest" and "highest", Hz, for the sensor at all frequencies between them.
+        of a response "lowest" and "highest", Hz, for the sensor at all frequencies between them; of forces "targets",
+        each with its normal force, N, and its force (x, y) along the plate or None.
     """
 
     scene: Scene
@@ -103,6 +108,10 @@ class Place:
             }
             return values | {"quantity": kind, "load": pressed, "physics": PHYSICS[kind]}
         kept = {name: first[name] for name in ("friction", "grip", "plate_tilt", "imperfection")}
+        if kind == "force":
+            ((force, shear_force),) = self.options["targets"]
+            held = {"force_N": force, "shear_force_N": shear_force, **timed_quantities.units(scene.design)}
+            return values | {"quantity": kind, "load": kept | held, "physics": PHYSICS[scene.model]}
         way = {
             "sheared_at_depth": first["depth"] if load.shears_tip else None,
             "direction": [round(part, 12) + 0.0 for part in unit_vector(load)] if load.shears_tip else None,
@@ -126,6 +135,8 @@ def place(
         return Place(replace(scene, loads=(alone,)), kind, position_of(alone, D), direction)
     if kind == "response" and options:
         return Place(timed_quantities.sensor_scene(scene), kind, (0.0, 0.0), options=options)
+    if kind == "force":
+        return Place(scene, kind, (0.0, 0.0), options=options or {})
     sections = replace(scene, model="auto")
     if kind == "slow loading" or (kind == "cycle" and options):
         # with the direction of their shear along x, and in the units of the design
@@ -256,6 +267,9 @@ def solved(task: Task, progress: Progress | None = None) -> Iterator[Reached]:
 
     A load on which the path stops is tried again in smaller steps, and those behind it with it.
     """
+    if task.kind == "force":
+        yield from _held(task, progress)
+        return
     if task.kind != "states":
         yield _single(task, progress), None
         return
@@ -281,9 +295,47 @@ def solved(task: Task, progress: Progress | None = None) -> Iterator[Reached]:
         if not left or alone or not steps or end[0] != "not_converged":
             break
     status, message, last = end
-    record = None if last is None else {"load": dataclasses.asdict(last.load), **recorded(last)}
-    lost = {"response": None, "error_estimate": None, "message": message, "reached": record}
+    lost = _lost(message, last)
     yield from ((_stored(scene, load, "failed", status, lost, last.seconds if last else 0.0), last) for load in left)
+
+
+def _lost(message: str, last: Solution | None) -> dict[str, Any]:
+    """Return the answer of a state that is not reached; `last` is the one where the path stops."""
+    record = None if last is None else {"load": dataclasses.asdict(last.load), **recorded(last)}
+    return {"response": None, "error_estimate": None, "message": message, "reached": record}
+
+
+def _held(task: Task, progress: Progress | None) -> Iterator[Reached]:
+    """Search for the states with the forces of the targets, up to the first that has none."""
+    from fem.analyses.force_targets import walk_forces
+
+    scene, given = task.scene, task.options["targets"]
+    targets = [target_of(scene, *forces) for forces in given]
+    search = walk_forces(
+        scene.design, targets, scene.accuracy, magnet=scene.magnet, model=scene.model, progress=progress
+    )
+    for forces in given:
+        stored = functools.partial(_stored, scene, None, options={"targets": [forces]})
+        try:
+            found = next(search)
+        except ForceOutOfReach as error:
+            yield stored("failed", "out_of_reach", _lost(str(error), error.state)), error.state
+            return
+        except SolveFailed as error:
+            yield stored("failed", "not_converged", _lost(str(error), None)), None
+            return
+        load = found.load
+        values = {"depth_mm": load.depth, "shear_x_mm": load.shear_x, "shear_y_mm": load.shear_y}
+        values["shear_mm"] = load.shear
+        yield stored("ok", found.status, recorded(found) | {"values": values}, found.seconds), found
+
+
+def target_of(scene: Scene, force: float, shear_force: Sequence[float] | None) -> ForceTarget:
+    """Return the target of a force, N, and one along the plate, with contact, tilt and imperfection of a scene."""
+    from fem.analyses.force_targets import ForceTarget
+
+    load = replace(scene.loads[0], depth=0.0, shear_x=0.0, shear_y=0.0)
+    return ForceTarget(force, None if shear_force is None else (shear_force[0], shear_force[1]), load)
 
 
 def _followed(
@@ -350,14 +402,12 @@ def solution(state: State, place: Place, load: Load, design: Design) -> Solution
     values = state.answer if state.outcome == "ok" else state.answer["reached"]
     if values is None:
         return None
-    answer = state.answer
+    answer, reached = state.answer, load
     length, E = design.D / answer["D_mm"], design.E_now / answer["E_MPa"]
     if state.outcome != "ok":
         at = values["load"]
         (c, s), x, y = place.direction, length * at["shear_x"], length * at["shear_y"]
         reached = replace(load, depth=length * at["depth"], shear_x=c * x - s * y, shear_y=s * x + c * y)
-    else:
-        reached = load
     found = restored(values, reached, length, E, place.direction)
     message = of_similar(answer["message"], design.D, answer["D_mm"])
     if found.facts.remark is None and load.shear + (load.friction == "stick") and not load.shears_tip:

@@ -86,10 +86,11 @@ ROW = ("depth", "shear", "outcome", "status", "seconds", "versions", "added")
 UNNAMED = ("shape.D", "load.count")
 """Values that are no columns: D over D, and the number of modes."""
 PLACE = re.compile(
-    r"\$\.(?P<place>(?!solved\.|accuracy\.|solution\.|reached\.)(?P<name>[\w.]+)(\[(?P<index>\d+)\])?)", re.ASCII
+    r"\$\.(?P<place>(?!solved\.|accuracy\.|solution\.|reached\.|values\.sensor\.)(?P<name>[\w.]+)(\[(?P<index>\d+)\])?)",
+    re.ASCII,
 )
-"""Place of a value that can be a column: that of a problem, of an accuracy, or of a solution in its own units, is
-none."""
+"""Place of a value that can be a column: that of a problem, of an accuracy, of a solution in its own units, or of
+the small systems of a vibration, is none."""
 LONGEST = 6
 """Largest number of values in a list that are columns; a longer list is a curve."""
 DAMAGED = "damaged"
@@ -405,7 +406,7 @@ def summary(file: Path, connection: sqlite3.Connection) -> FlatRow:
 
 def solved(quantity: str | None, model: str | None) -> str:
     """Return the name of what is solved: the model of states along a path, or another quantity."""
-    return str(model if quantity in ("states", None) else quantity)
+    return f"force, {model}" if quantity == "force" else str(model if quantity in ("states", None) else quantity)
 
 
 def size_MB(file: Path) -> float:
@@ -414,13 +415,23 @@ def size_MB(file: Path) -> float:
     return sum(part.stat().st_size for part in parts if part.exists()) / 1e6
 
 
-def _position(column: str, place: str) -> str:
-    """Return SQL of a position; that of vibrations, cycles and modes, 0 as a state, stands in their content."""
-    return f"CASE WHEN {column} = 0 THEN ifnull(json_extract(content, '$.load.{place}'), 0.0) ELSE {column} END"
+def _position(column: str, place: str, found: str = "NULL") -> str:
+    """Return SQL of a position; that of vibrations, cycles and modes, 0 as a state, stands in their content.
+
+    found : SQL of the one to which wanted forces have led.
+    """
+    return (
+        f"CASE {column} WHEN 0 THEN coalesce(json_extract(content, '$.load.{place}'), {found}, 0) ELSE {column} END"
+    )
+
+
+def _found(name: str) -> str:
+    return f"json_extract({ANSWER}, '$.values.{name}_mm') / json_extract({ANSWER}, '$.D_mm')"
 
 
 def _states(connection: sqlite3.Connection, limit: int) -> list[FlatRow]:
-    at = {"depth_over_D": _position("state.depth", "depth"), "shear_over_D": _position("state.shear", "shear_x")}
+    places = {"depth": "depth", "shear": "shear_x"}
+    at = {f"{name}_over_D": _position(f"state.{name}", place, _found(name)) for name, place in places.items()}
     sql = ", ".join(at.get(name, COLUMNS[name].sql) for name in LISTED)
     newest = STATES.format(" ORDER BY added DESC, path DESC, depth, shear LIMIT ?")
     query = f"SELECT {sql}, {IS_DAMAGED} FROM {newest} ORDER BY state.added DESC, path DESC, depth, shear"

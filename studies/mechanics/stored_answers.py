@@ -8,13 +8,13 @@ of many cases, which other processes solve, ask by `solve_plan`, for the same pa
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from fem.accuracy import Accuracy
-from fem.scene import Scene
-from fem.solution import Solution
+from fem.scene import Model, Scene
+from fem.solution import ForceOutOfReach, Solution
 from geometry.bad_input import SolveFailed
 from geometry.design import Design
 from geometry.loads import Load, Magnet
@@ -25,6 +25,7 @@ from studies.mechanics.store import Position, Store, as_stored
 from studies.mechanics.stored_solutions import restored_sensor
 
 if TYPE_CHECKING:
+    from fem.analyses.force_targets import ForceTarget
     from fem.analyses.vibration import VibratingSensor
 
 
@@ -69,6 +70,54 @@ def vibrating(
         raise SolveFailed(found.message)
     sensor = restored_sensor(found.values["sensor"], scene, load, band)
     return replace(sensor, state=replace(sensor.state, message=found.message))
+
+
+def held(
+    design: Design,
+    targets: Sequence[ForceTarget],
+    accuracy: Accuracy,
+    magnet: Magnet,
+    model: Model,
+    store: Store,
+    progress: Progress | None = None,
+) -> Iterator[Solution]:
+    """Yield the solution with the forces of each target, with error estimates; each is kept as soon as it is found.
+
+    Those that the store lacks are searched for on one path. A solution that was found in the store has no field.
+    ForceOutOfReach where no state has the forces, and SolveFailed where there is none (no mesh).
+    """
+    from fem.analyses.force_targets import target_scene
+
+    places = []
+    for target in targets:
+        scene = target_scene(design, target, accuracy, magnet=magnet, model=model)
+        force = [target.force, None if target.shear_force is None else list(target.shear_force)]
+        places.append(path_solver.place(scene, "force", options={"targets": [force]}))
+    found = [store.states(place.content).get(place.at) for place in places]
+    lacking = [place for place, state in zip(places, found, strict=True) if state is None]
+    search: Iterator[path_solver.Reached] = iter(())
+    if lacking:
+        wanted = [target for place in lacking for target in place.options["targets"]]
+        search = path_solver.solved(
+            replace(path_solver.task(1, lacking[0], []), options={"targets": wanted}), progress
+        )
+    for target, place, state in zip(targets, places, found, strict=True):
+        body: Solution | None = None
+        if state is None:
+            fresh, body = next(search)
+            store.add(place.content, [fresh])
+            state = as_stored(fresh)
+        load, values = target.load_at(0.0, 1.0), state.answer.get("values")
+        if values:
+            d, x, y = (values[f"{name}_mm"] for name in ("depth", "shear_x", "shear_y"))
+            load = replace(load, depth=d, shear_x=x, shear_y=y)
+        solution = path_solver.solution(state, place, load, design)
+        if solution is None:
+            raise SolveFailed(state.answer["message"])
+        solution = solution if body is None else replace(solution, field=body.field)
+        if state.outcome != "ok":
+            raise ForceOutOfReach(state.answer["message"], solution)
+        yield solution
 
 
 def is_kept(scene: Scene) -> bool:

@@ -171,7 +171,7 @@ def branches(relaxation: Relaxation, rate: float) -> str:
     return " ".join(f"{g:.12g}:{tau * rate:.12g}" for g, tau in pairs)
 
 
-def solve_response(scene: Scene, options: Mapping[str, Any]) -> dict[str, Any]:
+def solve_response(scene: Scene, options: Mapping[str, Any] | None = None) -> dict[str, Any]:
     """Solve for the vibration of a scene at rest.
 
     With options "sensor" is what `stored_solutions.recorded_sensor` returns, with that of a coarser mesh. Else
@@ -266,7 +266,7 @@ def cycle_content(scene: Scene, motion: PlateMotion, options: Mapping[str, Any])
     their units."""
     relaxation = relaxation_of(scene.design)
     if options:
-        own = {"branches": branches(relaxation, 1.0), "modulus": scene.design.modulus, **_units(scene.design)}
+        own = {"branches": branches(relaxation, 1.0), "modulus": scene.design.modulus, **units(scene.design)}
         return _content(scene, "cycle", own | dict(options))
     cycle = cycle_of(scene, motion)
     load = {
@@ -279,13 +279,14 @@ def cycle_content(scene: Scene, motion: PlateMotion, options: Mapping[str, Any])
     return _content(scene, "cycle", load)
 
 
-def _units(design: Design) -> dict[str, float]:
+def units(design: Design) -> dict[str, float]:
+    """Return what the content of a path has whose states are in the units of a design."""
     return {"D_mm": design.D, "E_MPa": design.E_now}
 
 
 def slow_content(scene: Scene) -> dict[str, Any]:
     """Return everything on which the curve of slow loading to the load of a scene depends."""
-    content = _content(scene, "cycle", _units(scene.design))
+    content = _content(scene, "cycle", units(scene.design))
     return content | {"quantity": "slow loading", "physics": PHYSICS[scene.model]}
 
 

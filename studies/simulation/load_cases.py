@@ -82,8 +82,8 @@ def loads_of(motion: Motion) -> list[Load]:
 def ineffective_options(motion: Motion, method: Method, store: Path | None = None) -> list[tuple[str, str]]:
     """Return each option that has no effect, with the reason."""
     options = []
-    if store is not None and (targets_of(motion) or method.mesh is not None):
-        options.append(("--store", "states of forces and those on a mesh of one's own are solved each time"))
+    if store is not None and method.mesh is not None:
+        options.append(("--store", "states on a mesh of one's own are solved each time"))
     sideways = (motion.shear, motion.shear_y, motion.shear_force, motion.shear_force_y)
     if motion.friction == "stick" and not any(sideways):
         options.append(("--friction stick", "it acts only during a shear, and this load has none"))
@@ -230,7 +230,7 @@ def solve(
     States come from the store, default: the user's, and are kept there (`mechanics.stored_answers`). The files, .vtu
     and .png, show the last state, which is solved for them if it came from the store. They are also written after an
     interruption, or if the caller closes the generator. Of targets, forces that the states must have, `loads` are
-    loads of the same kind; they are searched for each time.
+    loads of the same kind.
     """
     from fem.scene import Scene
 
@@ -241,14 +241,32 @@ def solve(
     method, mesh = _read_mesh(design, method)
     level = _level(loads, method)
     if targets:
-        from fem.analyses import force_targets
+        states = _held(design, targets, method, level, mesh, store, progress)
+        loads = [target.load for target in targets]
+    else:
+        scene = Scene(design, tuple(loads), level, method.magnet, method.model, mesh)
+        states = _walked(scene, store, progress)
+    return _rows(design, loads, method, states, *files, targets=targets)
 
-        states = force_targets.walk_forces(
+
+def _held(
+    design: Design,
+    targets: Sequence[ForceTarget],
+    method: Method,
+    level: Accuracy,
+    mesh: Any,
+    store: Path | None,
+    progress: Progress,
+) -> Iterator[Solution]:
+    if mesh is not None:
+        from fem.analyses.force_targets import walk_forces
+
+        yield from walk_forces(
             design, targets, level, magnet=method.magnet, model=method.model, progress=progress, mesh=mesh
         )
-        return _rows(design, [target.load for target in targets], method, states, *files)
-    scene = Scene(design, tuple(loads), level, method.magnet, method.model, mesh)
-    return _rows(design, loads, method, _walked(scene, store, progress), *files)
+        return
+    with stores.opened(store) as states:
+        yield from stored_answers.held(design, targets, level, method.magnet, method.model, states, progress)
 
 
 def _walked(scene: Scene, store: Path | None, progress: Progress) -> Iterator[Solution]:
@@ -307,6 +325,7 @@ def _rows(
     states: Iterator[Solution],
     vtu: Path | None,
     png: Path | None,
+    targets: Sequence[ForceTarget] = (),
 ) -> Generator[FlatRow]:
     last: Solution | None = None
     reached = 0
@@ -321,20 +340,19 @@ def _rows(
             lost: dict[str, Any] = {"status": "not_converged", "message": str(error), "stop": "no_mesh"}
             yield state_rows.state_row(loads[reached], None, method.model, made_for, **lost)
         except ForceOutOfReach as error:
-            last = error.state
+            last, reached = error.state, reached + 1
             yield state_rows.solved_row(last, made_for) | {"status": "out_of_reach", "message": str(error)}
         finally:
             if last is not None and (vtu or png):
-                _show(last, design, method, vtu, png)
+                _show(last, targets[reached - 1] if targets else None, design, method, vtu, png)
 
 
-def _show(last: Solution, design: Design, method: Method, vtu: Path | None, png: Path | None) -> None:
+def _show(
+    last: Solution, target: ForceTarget | None, design: Design, method: Method, vtu: Path | None, png: Path | None
+) -> None:
     """Write the files of a deformed body."""
     if last.field is None:
-        from fem.equilibrium import trace
-
-        level = _level([last.load], method)
-        last = trace(design, [last.load], level, magnet=method.magnet, model=method.model, estimate=False)[-1]
+        last = _body(design, target or last.load, method)
     if vtu is not None:
         vtk_files.write_field(vtu, last)
     if png is not None:
@@ -343,13 +361,31 @@ def _show(last: Solution, design: Design, method: Method, vtu: Path | None, png:
         section_picture(png, design, last, magnet=method.magnet)
 
 
-def loads_at_quick(design: Design, targets: Sequence[ForceTarget], method: Method, progress: Progress) -> list[Load]:
-    """Return the loads of the targets as accuracy quick finds them, by which a model is chosen for a tolerance."""
-    from fem.accuracy import QUICK
+def _body(design: Design, wanted: Load | ForceTarget, method: Method) -> Solution:
+    """Solve for the deformed body of a kept state, which the store does not hold, without error estimates."""
+    if isinstance(wanted, Load):
+        from fem.equilibrium import trace
+
+        level = _level([wanted], method)
+        return trace(design, [wanted], level, magnet=method.magnet, model=method.model, estimate=False)[-1]
     from fem.analyses.force_targets import walk_forces
 
-    states = walk_forces(design, targets, QUICK, magnet=method.magnet, estimate=False, progress=progress)
-    return [state.load for state in states]
+    level = _level(approximate_loads([wanted]), method)
+    try:
+        return next(walk_forces(design, [wanted], level, magnet=method.magnet, model=method.model, estimate=False))
+    except ForceOutOfReach as error:
+        return error.state
+
+
+def loads_at_quick(
+    design: Design, targets: Sequence[ForceTarget], method: Method, store: Path | None, progress: Progress
+) -> list[Load]:
+    """Return the loads of the targets as accuracy quick finds them, by which a model is chosen for a tolerance."""
+    from fem.accuracy import QUICK
+
+    with stores.opened(store) as states:
+        found = stored_answers.held(design, targets, QUICK, method.magnet, "auto", states, progress)
+        return [state.load for state in found]
 
 
 def with_targets(rows: Generator[FlatRow], targets: Sequence[ForceTarget]) -> Generator[FlatRow]:

@@ -72,7 +72,7 @@ def run(
     else:
         tolerance = check(method)
         if targets:
-            loads = load_cases.loads_at_quick(design, targets, method, progress)
+            loads = load_cases.loads_at_quick(design, targets, method, store, progress)
         # neither formulas nor the surrogate compute a deformed body, or find a force
         formulas = not (targets or out or picture)
         choice = model_choice.choose(design, loads, tolerance, method.magnet, formulas=formulas)
