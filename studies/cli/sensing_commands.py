@@ -398,3 +398,21 @@ def layout(call: Call, *, basis: Basis = Basis(), parts: LayoutParts = LayoutPar
         say_no_effect("--count", "it works with --search only")
     mechanics = partial(mechanics_sources.source_of, design, basis.level, basis.responses)
     return publish(partial(layout_report.run, design, mechanics, basis, parts), here)
+
+
+@verb("source sets wide as_json", out="Folder for DISTURB.md and the tables.")
+def disturb(call: Call, *, options: option_groups.Disturbing = option_groups.Disturbing()) -> int:
+    """Show what the surroundings do to the decoded force, in N: earth's field, iron, other sensors, temperature.
+
+    Errors are those of the design's decoder at loads of its range: of the requirements that the design states, else
+    up to a press of 3 D/8 with a shear of D/8. They are given before and after taring, with the share of readings
+    whose status is not ok.
+    """
+    from studies.parts.requirements import stated_requirements
+    from studies.sensing import disturbances
+    from studies.simulation import mechanics_sources
+
+    here = call.here(disturbances.FILES, [options.responses])
+    design = call.design()
+    mechanics = partial(mechanics_sources.source_of, design, options.level, options.responses)
+    return publish(partial(disturbances.run, design, mechanics, options, stated_requirements(call.source)), here)

@@ -337,6 +337,31 @@ class Decoding:
 
 
 @_options
+class Disturbing:
+    """What surrounds the sensor; each list has its usual ones, at distances in proportion to the sensor."""
+
+    ambient: float = 50.0
+    """Strength of a uniform field of any direction, uT; the earth's is 25 to 65."""
+    iron: list[str] | None = None
+    """A large piece of iron with a flat face: below=DISTANCE from the base plane, beside=DISTANCE from the axis, or
+    front=DISTANCE from the tip, mm; front=0 is the object that the tip presses. Repeatable."""
+    ball: list[str] | None = None
+    """DIAMETER,X,Y,Z of an iron ball, mm; repeatable."""
+    neighbour: list[str] | None = None
+    """X,Y of the axis of a second sensor of this design beside it, mm; repeatable."""
+    jaw: list[float] | None = None
+    """Distance of the tips of two such sensors that face each other in a gripper, at rest, mm; repeatable."""
+    motor: list[str] | None = None
+    """MOMENT,X,Y,Z of a motor or another magnet, A m2 and mm; repeatable. None by default."""
+    permeability: float = 1000.0
+    """Relative permeability of iron: about 1000 for mild steel; above 100 it hardly matters."""
+    warming: float = 10.0
+    """Change of the temperature, K."""
+    level: LoadSource | None = None
+    responses: Responses | None = None
+
+
+@_options
 class Calibrating:
     """What is known of a made sensor and its test stand."""
 

@@ -1,0 +1,196 @@
+"""Surroundings of a sensor: closed forms, finite elements of an iron block, and errors of decoded forces."""
+
+import json
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import skfem
+from skfem.helpers import dot, grad
+
+from analytic import surroundings
+from analytic.hall import field_at
+from analytic.magnet import MU_0, dipole_field
+from analytic.surroundings import IronPiece, IronPlane, Neighbour, Poses
+from geometry.design import paper
+
+DESIGN = paper()
+POINTS = np.array([[1.0, 2.0, -2.0], [4.5, -3.0, 2.0]])
+REST = Poses(np.zeros((1, 3)), np.zeros((1, 2)), np.zeros(1))
+MOVED = Poses(np.array([[0.5, 0.2, -1.0]]), np.array([[0.05, 0.1]]), np.array([1.0]))
+UP, AWAY = np.array([0.0, 0.0, 1.0]), np.array([-1.0, 0.0, 0.0])
+
+
+def test_the_image_below_is_a_magnet_of_the_same_pole():
+    plane = IronPlane(DESIGN, np.array([0.0, 0.0, -8.0]), UP)
+    image = field_at(POINTS, DESIGN, shift=(0.0, 0.0, -16.0 - 2 * DESIGN.H))
+    assert plane(POINTS, REST)[0] == pytest.approx(999 / 1001 * image, rel=1e-12, abs=1e-15)
+
+
+def test_the_image_beside_is_a_magnet_of_the_other_pole():
+    plane = IronPlane(DESIGN, np.array([12.0, 0.0, 0.0]), AWAY)
+    image = -field_at(POINTS, DESIGN, shift=(24.0, 0.0, 0.0))
+    assert plane(POINTS, REST)[0] == pytest.approx(999 / 1001 * image, rel=1e-12, abs=1e-15)
+
+
+def test_field_and_image_meet_a_perfect_iron_at_right_angles():
+    plane = IronPlane(DESIGN, np.array([0.0, 0.0, -8.0]), UP, 1e9)
+    on_it = np.array([[1.0, 2.0, -8.0 + 1e-9], [4.0, -1.0, -8.0 + 1e-9]])
+    whole = plane(on_it, MOVED)[0] + MOVED.field(DESIGN, on_it)[0]
+    assert np.abs(whole[:, :2]).max() < 1e-8 * np.abs(whole[:, 2]).min()
+
+
+def test_points_in_the_iron_have_no_field():
+    assert np.isnan(IronPlane(DESIGN, np.array([0.0, 0.0, -1.0]), UP)(POINTS, REST)[0, 0]).all()
+
+
+def block_field(permeability, top, points):
+    """B_z, T, on the axis (z, mm) of an axial magnet of 1 T over an iron block, by the scalar potential.
+
+    H = -grad phi, div (mu H + J) = 0, in a box so large that it does not matter to what the iron adds.
+    """
+    grown = np.concatenate([np.arange(0, 6, 0.25), 6 * 1.1 ** np.arange(40)])
+    below = top - np.concatenate([[0.0], 0.25 * 1.12 ** np.arange(45)])
+    r, z = np.unique(grown), np.unique(np.concatenate([below, np.arange(top, 6, 0.25), 6 * 1.1 ** np.arange(40)]))
+    mesh = skfem.MeshQuad.init_tensor(r, z)
+    basis = skfem.Basis(mesh, skfem.ElementQuad2(), intorder=4)
+
+    @skfem.BilinearForm
+    def stiffness(u, v, w):
+        mu = np.where(w.x[1] < top, permeability, 1.0)
+        return mu * dot(grad(u), grad(v)) * w.x[0]
+
+    @skfem.LinearForm
+    def poles(v, w):
+        inside = (w.x[0] < 2.0) & (np.abs(w.x[1]) < 2.0)
+        return inside * grad(v)[1] * w.x[0]
+
+    outer = basis.get_dofs(lambda x: (x[0] > r[-1] - 1e-6) | (np.abs(x[1]) > 0.99 * min(-z[0], z[-1])))
+    phi = skfem.solve(*skfem.condense(stiffness.assemble(basis), poles.assemble(basis), D=outer))
+    step = 0.02
+    at = np.array([[[1e-3] * len(points), np.array(points) + side] for side in (-step, step)])
+    low, high = (basis.probes(x) @ phi for x in at)
+    return (low - high) / (2 * step)
+
+
+def test_finite_elements_of_an_iron_block_add_what_the_image_does():
+    """An axial magnet of 1 T, 4 mm across and high; the block's face 6 mm below its centre, points between them."""
+    top, points = -6.0, [-3.5, -4.5]
+    added = block_field(1000.0, top, points) - block_field(1.0, top, points)
+    # the design's north pole points down: its field is the reverse of that of a magnet along z
+    magnet = replace(DESIGN, magnet_diameter=4.0, magnet_height=4.0, remanence=1.0, magnet_edge_radius=0.0)
+    plane = IronPlane(magnet, np.array([0.0, 0.0, magnet.H + top]), UP)
+    image = -plane(np.array([[0.0, 0.0, magnet.H + z] for z in points]), REST)[0, :, 2]
+    assert added == pytest.approx(image, rel=0.01)
+
+
+def test_a_small_ball_is_the_dipole_of_its_volume():
+    place = np.array([30.0, 0.0, 5.0])
+    ball = IronPiece(DESIGN, place, 2.0, 2.0, UP, 1e9)(POINTS, REST)[0]
+    B = field_at(place[None], DESIGN)[0]
+    # mu0 m = 4 pi a^3 B: the field of a magnet of that moment, along B
+    x = POINTS - place
+    size = np.linalg.norm(x, axis=1)[:, None]
+    along = (x @ B)[:, None]
+    assert ball == pytest.approx(3 * x * along / size**5 - B / size**3, rel=1e-6)
+
+
+def test_a_rod_along_the_field_answers_more_than_a_ball_of_its_volume():
+    place = np.array([0.0, 0.0, 40.0])
+    rod = IronPiece(DESIGN, place, 1.0, 8.0, UP)(POINTS, REST)
+    ball = IronPiece(DESIGN, place, 2.0, 2.0, UP)(POINTS, REST)
+    assert np.linalg.norm(rod) > 3 * np.linalg.norm(ball)
+
+
+def test_a_motor_is_a_dipole():
+    place, moment = np.array([50.0, 0.0, 0.0]), 0.1
+    J = MU_0 * moment / (math.pi * 1e-9)  # of a cylinder of radius and height 1 mm
+    found = surroundings.motor(place, moment * UP)(POINTS, REST)[0]
+    assert found == pytest.approx(dipole_field(POINTS - place, 1.0, 1.0, J), rel=1e-12)
+
+
+def test_a_neighbour_has_the_field_of_its_own_pose():
+    other = Neighbour(DESIGN, np.array([16.0, 0.0, 0.0]), MOVED.shift[0], MOVED.tilt[0])
+    assert other(POINTS, REST)[0] == pytest.approx(MOVED.field(DESIGN, POINTS - [16.0, 0.0, 0.0])[0], rel=1e-12)
+
+
+def test_two_jaws_see_each_other_alike():
+    """The middle between two sensors that face each other has no field along the axis that one would have."""
+    other = Neighbour(DESIGN, np.array([0.0, 0.0, 2 * DESIGN.L + 4.0]), np.zeros(3), np.zeros(2), facing=True)
+    middle = np.array([[0.0, 0.0, DESIGN.L + 2.0]])
+    assert other(middle, REST)[0, 0, 2] == pytest.approx(-field_at(middle, DESIGN)[0, 2], rel=1e-12)
+
+
+def test_the_reach_of_the_magnet_is_where_its_field_on_the_axis_is_that():
+    far = surroundings.reach(DESIGN, 1e-4)
+    assert field_at([[0.0, 0.0, DESIGN.H + far]], DESIGN)[0, 2] == pytest.approx(-1e-4, rel=1e-6)
+
+
+# The verb
+
+
+def record(run, *words):
+    status, out, err = run("disturb", "paper", *words, "--json")
+    assert status == 0, err
+    return json.loads(out)
+
+
+def row(found, name):
+    return next(each for each in found["disturbances"] if each["disturbance"] == name)
+
+
+def test_nothing_disturbs_nothing(run):
+    found = row(record(run, "--ambient", "0"), "uniform field")
+    assert found["change_mT"] == 0
+    assert found["error_N"] < 1e-3 * 18
+
+
+def test_the_error_of_a_weak_field_grows_with_it(run):
+    weak, strong = (row(record(run, "--ambient", text), "uniform field") for text in ("10", "20"))
+    assert strong["error_N"] == pytest.approx(2 * weak["error_N"], rel=0.05)
+    assert strong["tared_N"] == pytest.approx(2 * strong["error_N"], rel=0.05)
+
+
+def test_a_touched_object_is_not_tared_away(run):
+    found = row(record(run), "iron object")
+    assert found["tared_N"] == found["error_N"] > 1.0
+
+
+def test_a_hotter_sensor_is_stiffer_by_the_absolute_temperature(run):
+    """A force shifts the magnet less, by which the decoder tells less of it."""
+    found = record(run, "--warming", "20")
+    modulus = next(each for each in found["warming"] if each["cause"].startswith("modulus"))
+    assert modulus["error_N"] == pytest.approx(found["full_scale_N"] * (1 - 293.15 / 313.15), rel=0.02)
+
+
+def test_a_farther_neighbour_disturbs_less(run):
+    found = record(run, "--neighbour", "10,0", "--neighbour", "20,0")["disturbances"]
+    near, far = (each["tared_N"] for each in found if each["disturbance"] == "second sensor beside")
+    assert far < near / 4
+
+
+def test_files(run, tmp_path):
+    assert run("disturb", "paper", "--motor", "0.02,0,60,0", "--out", tmp_path)[0] == 0
+    assert {path.name for path in tmp_path.iterdir()} >= {"DISTURB.md", "disturbances.csv", "warming.csv"}
+    assert "0.02 A m2" in (tmp_path / "DISTURB.md").read_text("utf-8")
+
+
+REFUSALS = {
+    "--iron up=3": "--iron takes below, beside, front and a distance, such as below=10; got 'up=3'",
+    "--iron below=1": "--iron below must lie farther than",
+    "--ball 4,5,0,4": "overlaps the beam",
+    "--ball 3,4": "--ball takes DIAMETER,X,Y,Z in mm; got '3,4'",
+    "--neighbour 3,0": "its axis must be farther away than D = 8 mm",
+    "--motor 0.1,5,0,5": "its place D or more off the beam",
+    "--warming 0": "--warming must not be 0",
+    "--ambient=-3": "--ambient must lie between 0 and 1e+06 uT; got -3 uT",
+    "--jaw=-1": "--jaw must lie between 0 and 10000 mm; got -1 mm",
+}
+
+
+@pytest.mark.parametrize("words", REFUSALS)
+def test_refusals(run, words):
+    status, out, err = run("disturb", "paper", *words.split())
+    assert (status, out) == (2, "")
+    assert REFUSALS[words] in err
