@@ -5,10 +5,10 @@ has a row for each case, model, quantity and part. What is derived (`Quantity.de
 and so are errors and half widths.
 
 `SweepColumns` says how the columns of the wide table are named. Columns of a model begin with `fem_` or `analytic_`;
-if a study has several models of a kind, with their names too: `fem_quick_`, `analytic_finite_`. The surrogate and the
-model that a tolerance chooses have their own names. Errors against the reference have the model's beginning if the
-study has more than one model besides the reference. Quantities that are paths of their own, such as critical depths,
-stand without a model's name.
+if a study has several models of a kind, with their names too: `fem_quick_`, `analytic_finite_`. Those of other kinds
+(`studies.models`) begin with the model's name: `surrogate_`, `chosen_`. Errors against the reference have the model's
+beginning if the study has more than one model besides the reference. Quantities that are paths of their own, such as
+critical depths, stand without a model's name.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from __future__ import annotations
 import itertools
 import math
 import re
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -23,24 +24,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analytic.beam import LEVELS as FORMULAS
-from fem.accuracy import LEVELS
 from geometry.arrays import Array
 from geometry.design import BadInput
 from studies.inputs import study_input
-from studies.mechanics.study_cases import FEM_MODELS, Columns, Plan
+from studies.mechanics.model import Model
+from studies.mechanics.study_cases import Columns, Plan
+from studies.models import kind_of, kinds
 from studies.quantities import QUANTITIES, Part, Quantity, reading_parts
 
 if TYPE_CHECKING:
     import pandas as pd
 
-FEM, FORMULA = "fem", "analytic"
-"""Kinds of models, with which columns begin; also names of models whose accuracy or level a table does not tell."""
-TITLES = {
-    "surrogate": "surrogate", "chosen": "chosen model", FEM: "finite elements", FORMULA: "formula",
-    "paper": "the paper's formula",
-}  # fmt: skip
-"""Names of models in legends; others are an accuracy of the finite elements or a level of the formulas."""
 NAN = math.nan
 STATED = ("force", "shift", "tilt", "sideways")
 """Estimated errors that a table states of each model that has some: the last two where loads act sideways."""
@@ -55,16 +49,12 @@ RESISTS = {
 
 def prefixes(plan: Plan) -> dict[str, str]:
     """Return the first part of the columns of each model by the model's name."""
-    solved = sum(not model.surrogate for model in plan.fem)
-    fem = {
-        model.name: f"{model.name}_" if model.tolerance or model.surrogate else _prefix(FEM, model.name, solved)
-        for model in plan.fem
-    }
-    return fem | {level: _prefix(FORMULA, level, len(plan.formulas)) for level in plan.formulas}
+    count = Counter(model.head for model in plan.models)
+    return {model.name: _prefix(model.head, model.name, alone=count[model.head] == 1) for model in plan.models}
 
 
-def _prefix(kind: str, name: str, count: int) -> str:
-    return f"{kind}_" if count == 1 else f"{kind}_{name.replace('-', '_')}_"
+def _prefix(head: str, name: str, *, alone: bool = False) -> str:
+    return f"{head}_" if head and alone else "".join(f"{each}_" for each in (head, name.replace("-", "_")) if each)
 
 
 def status_columns(plan: Plan) -> dict[str, str]:
@@ -132,25 +122,21 @@ class SweepColumns:
         first = list(itertools.takewhile(fields.__contains__, names))
         over_D = {fields[name] for name in first if name.endswith("_over_D")}
         axes = tuple(name for name in first if name.endswith("_over_D") or fields[name] not in over_D)
-        solved = [*LEVELS, *(f"{model}-{level}" for model in FEM_MODELS for level in LEVELS)]
-        known = {
-            **{name: f"{name}_" for name in ("surrogate", "chosen", FEM)},
-            **{name: _prefix(FEM, name, 2) for name in solved},
-            FORMULA: f"{FORMULA}_",
-            **{name: _prefix(FORMULA, name, 2) for name in FORMULAS},
-        }
+        known = {kind.head: _prefix(kind.head, "", alone=True) for kind in kinds() if kind.head}
+        known |= {name: _prefix(kind.head, name) for kind in kinds() for name in kind.names}
         found = {}
         for column in names:
             # the longest beginning: fem_half_quick_ also begins with fem_
             fitting = [name for name, prefix in known.items() if column.startswith(prefix)]
             found.update({name: known[name] for name in sorted(fitting, key=lambda name: -len(known[name]))[:1]})
-        fem = [name for name in found if name not in ("surrogate", FORMULA, *FORMULAS)]
-        # the surrogate stands before the finite elements, coarsest first, and the formulas after them
-        return cls(axes, found, fem[-1] if fem else "")
+        # those that solve stand coarsest first
+        solved = [name for name, prefix in found.items() if kind_of(name, prefix).solves]
+        return cls(axes, found, solved[-1] if solved else "")
 
-    def is_formula(self, model: str) -> bool:
-        """Return whether a model is a level of the formulas."""
-        return model in (FORMULA, *FORMULAS)
+    def kind(self, model: str) -> type[Model]:
+        """Return the kind of a model; of "" that of the reference."""
+        name = model or self.reference
+        return kind_of(name, self.models.get(name, ""))
 
     def title(self, model: str) -> str:
         """Return the name of a model in a legend; of "" that of the reference.
@@ -159,9 +145,7 @@ class SweepColumns:
         >>> [columns.title(name) for name in ("", "finite", "paper", "surrogate")]
         ['finite elements, quick', 'formula, level finite', "the paper's formula", 'surrogate']
         """
-        name = model or self.reference
-        kind = "formula, level" if self.is_formula(name) else "finite elements,"
-        return TITLES.get(name, f"{kind} {name}")
+        return self.kind(model).title(model or self.reference)
 
     def answers(self, quantity: str, present: Iterable[object]) -> dict[str, str]:
         """Return those columns of a quantity that are present, by the model; "" has one without a model's name."""
@@ -175,14 +159,14 @@ class SweepColumns:
             return part
         if quantity.name != "decoded_force_error":
             return f"{self.models[model]}{part}"
-        several = sum(map(self.is_formula, self.models)) > 1
+        several = sum(self.kind(each).decodes for each in self.models) > 1
         return part.replace("decoded_", f"decoded_{model}_", 1) if several else part
 
     def estimate(self, model: str, name: str) -> str:
         """Return the column of an estimated error of a response, such as error_estimate or shift_error_estimate: of a
         single model that has some it stands without the model's name.
         """
-        several = sum(not self.is_formula(each) for each in self.models) > 1
+        several = sum(self.kind(each).states_errors for each in self.models) > 1
         return f"{self.models[model] if several else ''}{'' if name == 'force' else f'{name}_'}error_estimate"
 
     def error_prefix(self, model: str) -> str:
@@ -250,7 +234,7 @@ class Answers:
         found.status = {"": status}
         for model in names.models:
             found.status[model] = table[own].to_numpy() if (own := names.status(model)) in table else status
-        solved = [name for name in names.models if not names.is_formula(name) and name != "surrogate"]
+        solved = [name for name in names.models if names.kind(name).solves]
         for quantity in QUANTITIES.values():
             models = solved[-1:] if quantity.path else list(names.models)
             parts = found._reading_parts(table) if quantity.name == "readings" else quantity.parts
@@ -279,7 +263,7 @@ class Answers:
             column = names.column(model, quantity, part.estimate_column)
             # of a single model of finite elements those of a response have no name in front
             column = column if column in table else part.estimate_column
-            if part.estimate and column in table and not names.is_formula(model):
+            if part.estimate and column in table and names.kind(model).states_errors:
                 self.estimate[model, part.estimate] = table[column].to_numpy(dtype=float)
 
     def _reading_parts(self, table: pd.DataFrame) -> tuple[Part, ...]:

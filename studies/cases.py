@@ -26,7 +26,7 @@ import numpy as np
 
 from fem.accuracy import Accuracy
 from fem.physics_version import ESTIMATES, PHYSICS
-from fem.scene import Model
+from fem.scene import Model as Section
 from geometry.bad_input import closest
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load, Magnet
@@ -35,16 +35,11 @@ from studies.answers import SweepColumns, status_columns
 from studies.inputs import study_input, user_input
 from studies.inputs.study_input import AXES, Factor
 from studies.mechanics import store as stores
+from studies.mechanics.model import Model
 from studies.mechanics.solve_plan import Processes
-from studies.mechanics.study_cases import (
-    Columns,
-    FemModel,
-    Plan,
-    coarsest_first,
-    completed,
-    model_name,
-    models_of,
-)
+from studies.mechanics.study_cases import Columns, Plan, completed
+from studies.models import models_of, named
+from studies.models.finite_elements import FemModel
 from studies.output import console, provenance
 from studies.sweeps import sweep
 
@@ -64,7 +59,7 @@ class FiniteElements(NamedTuple):
     options: Mapping[str, Any]
 
     def answers(
-        self, cases: Sequence[tuple[Design, Load]], quantities: Sequence[str], model: Model = "auto"
+        self, cases: Sequence[tuple[Design, Load]], quantities: Sequence[str], model: Section = "auto"
     ) -> pd.DataFrame:
         """Return the answers to designs and loads, at least one, with a rigid magnet."""
         asked, fem = table((design, load, "rigid") for design, load in cases), FemModel("fem", self.accuracy, model)
@@ -99,7 +94,7 @@ def table(cases: Iterable[tuple[Design, Load, Magnet]]) -> pd.DataFrame:
 
 def answer(
     cases: pd.DataFrame,
-    models: Sequence[str | FemModel] = ("fem", "paper"),
+    models: Sequence[str | Model] = ("fem", "paper"),
     *,
     base: Design | None = None,
     quantities: Sequence[str] = (),
@@ -199,7 +194,11 @@ def _with_origin(answers: pd.DataFrame, own: pd.DataFrame, plan: Plan) -> pd.Dat
     answers = pd.concat([answers, own], axis=1) if len(own.columns) else answers
     answers.attrs = {
         "versions": provenance.packages() | {"physics": dict(PHYSICS), "error estimates": ESTIMATES},
-        "accuracies": {model.name: dataclasses.asdict(model.accuracy) for model in plan.fem if not model.tolerance},
+        "accuracies": {
+            model.name: dataclasses.asdict(accuracy)
+            for model in plan.models
+            if (accuracy := model.accuracy_of()) is not None
+        },
         "columns": SweepColumns.of_plan(plan).record,
     }
     return answers
@@ -220,16 +219,14 @@ def _fields(cases: pd.DataFrame, *, needs_load: bool) -> tuple[dict[str, Values]
 
 
 def _plan(
-    base: Design, factor: Factor, models: Sequence[str | FemModel], asked: tuple[str, ...], reference: str
+    base: Design, factor: Factor, models: Sequence[str | Model], asked: tuple[str, ...], reference: str
 ) -> Plan:
-    named, formulas = models_of([model for model in models if isinstance(model, str)])
-    fem = coarsest_first([*named, *(model for model in models if isinstance(model, FemModel))])
-    names = [*(model.name for model in fem), *formulas]
-    if twice := [name for name in names if names.count(name) > 1]:
-        raise BadInput(f"two models have the name {twice[0]}: give one FemModel another name")
+    chosen = models_of(models)
+    names = [model.name for model in chosen]
     magnet: Magnet = "rigid" if base.shape.has_magnet else "ignored"
-    truth = model_name(reference) if reference else ""
-    plan = Plan(base, (factor,), {}, magnet, fem, formulas, asked, truth)
+    meant = named(reference) if reference and reference not in names else None
+    truth = meant.name if meant else reference
+    plan = Plan(base, (factor,), {}, magnet, chosen, asked, truth)
     readings = base.shape.has_magnet or {"magnet_diameter", "magnet_height"} & set(plan.fields)
     plan = completed(plan, without=() if readings else ("readings",))
     if reference and plan.truth not in names:
@@ -263,7 +260,7 @@ def _check_kinds(
         raise BadInput(f"the cases must be a pandas DataFrame; got {type(cases).__name__}")
     if base is not None and not isinstance(base, Design):
         raise BadInput(f"base must be a geometry.design.Design; got {base!r:.60}")
-    for name, value, kinds in (("models", models, (str, FemModel)), ("quantities", quantities, (str,))):
+    for name, value, kinds in (("models", models, (str, Model)), ("quantities", quantities, (str,))):
         listed = isinstance(value, Sequence) and not isinstance(value, str)
         if not listed or not all(isinstance(one, kinds) for one in value):  # type: ignore[attr-defined]
             example = f", such as [{value!r:.60}]" if isinstance(value, str) else ""

@@ -26,11 +26,14 @@ from studies import cases
 from studies.answers import flat_rows
 from studies.beam import surrogate_response
 from studies.inputs.study_input import Factor, grid, problem
+from studies.mechanics.model import Problem
 from studies.mechanics.path_solver import Answer, answer, place
 from studies.mechanics.solve_plan import Processes
 from studies.mechanics.store import State
-from studies.mechanics.study_cases import Cases, FemModel, Plan, Problem, varied
-from studies.mechanics.timed_quantities import PlateMotion
+from studies.mechanics.study_cases import Cases, Plan, varied
+from studies.mechanics.timed_quantities import STILL, PlateMotion
+from studies.models import models_of
+from studies.models.finite_elements import FemModel
 from studies.sweeps import sweep
 from studies.sweeps.answer_plot import plot
 from studies.sweeps.study_rows import critical_verdict, with_critical
@@ -377,7 +380,7 @@ def test_a_critical_depth_needs_no_load_and_has_its_error(ask):
 )
 def test_a_state_is_called_unstable_where_it_or_the_critical_depth_says_so(depth, status, judged, text):
     critical = Answer(8.0, 1.0, None, "ok", "", 0.01, 0.0, values={"critical_depth_over_D": 1 / 8})
-    problem = Problem(paper(), Load(depth), "rigid", "")
+    problem = Problem(paper(), Load(depth), "rigid", "", STILL)
     found, message = with_critical(status, critical, problem)
     assert found == judged
     assert text in message
@@ -389,7 +392,7 @@ def test_a_state_is_called_unstable_where_it_or_the_critical_depth_says_so(depth
 )
 def test_a_critical_depth_of_unknown_error_tells_nothing_from_itself(depth, status, judged):
     critical = Answer(8.0, 1.0, None, "ok", "", math.nan, 0.0, values={"critical_depth_over_D": 1 / 8})
-    found, message = with_critical(status, critical, Problem(paper(), Load(depth), "rigid", ""))
+    found, message = with_critical(status, critical, Problem(paper(), Load(depth), "rigid", "", STILL))
     assert found == judged
     assert "at 1 mm with an unknown error" in message
 
@@ -407,7 +410,7 @@ def test_a_critical_depth_of_unknown_error_tells_nothing_from_itself(depth, stat
 def test_a_critical_depth_judges_frictionless_presses_only(load, judged):
     """What is glued or rubbed is held, and an imperfection leads to another branch."""
     critical = Answer(8.0, 1.0, None, "ok", "", 0.01, 0.0, values={"critical_depth_over_D": 1 / 8})
-    assert with_critical("ok", critical, Problem(paper(), load, "rigid", ""))[0] == judged
+    assert with_critical("ok", critical, Problem(paper(), load, "rigid", "", STILL))[0] == judged
 
 
 @pytest.mark.parametrize(
@@ -462,8 +465,7 @@ PLAN = Plan(
     (*grid({"f": [5.0, 6.0], "D": [7.0, 8.0, 3.0]}), Factor(("E", "depth"), ((1.0, 2.0), (0.5, 1.0)))),
     {},
     "rigid",
-    (FemModel("quick", QUICK),),
-    ("paper",),
+    models_of(["quick", "paper"]),
     ("force",),
 )
 
@@ -532,7 +534,7 @@ LOSSY = replace(paper(), loss_high=2500.0)
 def run(design, axes, load, kept, quantities=("response",), accuracy=ROUGH):
     """The flat rows of a sweep."""
     factors = axes if isinstance(axes, tuple) else grid(axes)
-    plan = Plan(design, factors, load, "rigid", (FemModel("rough", accuracy),), (), quantities)
+    plan = Plan(design, factors, load, "rigid", (FemModel("rough", accuracy),), quantities)
     return [row for table in sweep.run(plan, None, kept, processes=Processes(0)) for row in flat_rows(table)]
 
 

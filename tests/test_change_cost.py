@@ -1,6 +1,5 @@
-"""What a change costs: in a copy of the product a field of a design, a field of a load, a verb and a study of
-validation are added, each where it is declared and nowhere else; columns, JSON, headings, titles, controls and help
-follow."""
+"""What a change costs: in a copy of the product two fields, a model, a verb and a study of validation are added, each
+where it is declared and nowhere else; columns, JSON, headings, titles, controls and help follow."""
 
 import json
 import os
@@ -53,6 +52,31 @@ def run(progress, *, quick: bool = False, pads: int = 3):
     rows = [{"pad": k, "thickness_mm": 0.5 * k} for k in range(pads)]
     return pages.study("pads", "Pads", rows, {"rows": rows}, goals=[Goal("pads", len(rows), pads, pads)])
 '''
+MODEL = '''"""A spring that is as stiff as it is long, as a model."""
+
+from dataclasses import dataclass
+
+from geometry.loads import Response
+from studies.mechanics.path_solver import NAN, Answer, impossible
+from studies.mechanics.model import Model
+
+
+@dataclass(frozen=True, slots=True)
+class Spring(Model):
+    names = ("spring",)
+    words = "a spring"
+    columns = {"turns": NAN, "wire": ""}
+
+    def answers(self, problems, found, kind="states"):
+        return [self._answer(each.design, each.load, each.message) for each in problems]
+
+    def _answer(self, design, load, message):
+        if design is None:
+            return impossible(message)
+        pressed = Response((0.0, 0.0, design.L * load.depth), (0.0, 0.0, -load.depth), 0.0, 0.0)
+        made = {"turns": design.L / design.D, "wire": "steel"}
+        return Answer(design.D, design.E, pressed, "ok", "of a spring", NAN, 0.0, columns=made)
+'''
 PAGE = '# Pads\n\n{{ verdict }}\n\n{{ rows | table(dict(pad="pad", thickness_mm="thickness (mm)")) }}\n'
 ASKED = """
 import contextlib, io, json
@@ -70,14 +94,22 @@ def said(*words):
 
 cases = pd.DataFrame({"pad_mm": [1.0, 2.0], "lift_N": 0.5, "depth_mm": 0.5})
 answers = magtip.answer(cases, ["finite"], quantities=["force"])
+sprung = magtip.answer(pd.DataFrame({"L_mm": [9.0, 12.0, 1.0], "depth_mm": 0.5}), ["finite", "spring"],
+                       reference="spring", quantities=["force", "stiffness"])
+try:
+    magtip.answer(cases, ["sprung"])
+except magtip.BadInput as error:
+    unknown = str(error)
 refused = magtip.answer(cases.assign(pad_mm=[1.0, 10.0], lift_N=[-1.0, 0.5]), ["finite"], quantities=["force"])
-sweep = ("sweep", "paper", "--axis", "pad=1,2", "--axis", "lift=0,0.5", "--depth", "0.5", "--models", "finite",
+sweep = ("sweep", "paper", "--axis", "pad=1,2", "--axis", "lift=0,0.5", "--depth", "0.5", "--models", "finite,spring",
          "--quantities", "force")
 print("RESULT" + json.dumps({
     "answers": list(answers), "refused": list(refused.message),
     "chart": magtip.plot(answers, x="pad_mm", y="force_N").to_dict(),
     "loads": magtip.plot(answers.assign(lift_N=[0.0, 0.5]), x="lift_N", y="force_N").to_dict(),
     "json": said(*sweep, "--json"), "files": said(*sweep, "--out", "swept"), "help": said("sweep", "--help"),
+    "tidy": magtip.tidy(sprung).to_dict("list"), "sprung": sprung.to_dict("list"), "unknown": unknown,
+    "models": magtip.plot(sprung.iloc[:2], x="L_mm", y="force_N").to_dict(),
     "values": said("design", "paper", "--set", "pad=2"),
     "controls": [field for field in explorer_fields(Design(pad=3.0)) if field["name"] == "pad"],
     "label": design_digest.label({"pad_mm": 1.0, "D_mm": 8.0})["made_for"],
@@ -104,6 +136,7 @@ def copy(tmp_path_factory):
     text = commands.read_text("utf-8")
     commands.unlink()
     commands.write_text(text + VERB, "utf-8")
+    (folder / "studies/models/spring.py").write_text(MODEL, "utf-8")
     (folder / "studies/validation/verify/pads.py").write_text(STUDY, "utf-8")
     (folder / "studies/validation/templates/pads.md.j2").write_text(PAGE, "utf-8")
     env = {**os.environ, "PYTHONPATH": str(folder), "COLUMNS": "200"}
@@ -164,6 +197,36 @@ def test_a_verb_is_a_function(copy):
     assert "Print the length of the beam." in found["verbs"][1]
     assert found["verb"][0] == 0
     assert json.loads(found["verb"][1])["length_mm"] == 11.0
+
+
+def test_a_model_has_columns_status_and_errors_in_answers(copy):
+    _, found = copy
+    answers = found["sprung"]
+    assert answers["spring_force_N"][:2] == [4.5, 6.0]
+    assert answers["spring_stiffness_N_per_mm"][:2] == [9.0, 12.0]
+    assert answers["spring_status"] == answers["analytic_status"] == ["ok", "ok", "bad_input"]
+    assert answers["turns"][:2] == [9 / 8, 12 / 8]
+    assert answers["wire"] == ["steel", "steel", ""]
+    short, long = answers["analytic_force_N"][:2]
+    assert answers["force_error_percent"][:2] == pytest.approx([100 * (short / 4.5 - 1), 100 * (long / 6.0 - 1)])
+    assert "of a spring" in answers["message"][0]
+    assert found["unknown"] == "there is no model 'sprung': did you mean spring?"
+
+
+def test_a_model_is_in_the_csv_file_the_json_the_headings_and_the_help_of_a_sweep(copy):
+    folder, found = copy
+    head = (folder / "swept" / "sweep.csv").read_text("utf-8").splitlines()[0].split(",")
+    assert {"spring_force_N", "spring_status", "turns", "wire"} <= {*head}
+    assert json.loads(found["json"][1].splitlines()[-1])["spring_force_N"] == 4.5
+    assert {"spring", "wire", "steel"} <= {*found["files"][1].split()}
+    assert "a spring (spring)" in " ".join(found["help"][1].replace("│", " ").split())
+
+
+def test_a_model_is_in_the_tidy_table_and_in_the_legend_of_a_plot(copy):
+    _, found = copy
+    rows = zip(found["tidy"]["model"], found["tidy"]["quantity"], found["tidy"]["value"], strict=True)
+    assert [value for model, quantity, value in rows if (model, quantity) == ("spring", "force")][:2] == [4.5, 6.0]
+    assert "spring" in json.dumps(found["models"])
 
 
 def test_a_study_of_validation_is_a_module_and_a_template(copy):

@@ -8,12 +8,12 @@ import pandas as pd
 import pytest
 from PIL import Image
 
-from fem.accuracy import QUICK
 from geometry.design import paper
 from studies.answers import SweepColumns, prefixes
 from studies.inputs import study_input
 from studies.inputs.study_input import grid
-from studies.mechanics.study_cases import Cases, FemModel, Plan, completed, models_of
+from studies.mechanics.study_cases import Cases, Plan, completed
+from studies.models import models_of
 from studies.output import figures
 from studies.output.figures import LOG, Figure, panels, styles
 from studies.output.maps import ERROR_EDGES, heat, spots
@@ -420,8 +420,7 @@ NAMED = {
 
 def studied(names, axes, silent=()):
     """The plan of a study, and its table with numbers of our own under the columns that a sweep writes."""
-    fem, formulas = models_of(names)
-    plan = completed(Plan(paper(), grid(axes), {}, "rigid", fem, formulas, ("force",)))
+    plan = completed(Plan(paper(), grid(axes), {}, "rigid", models_of(names), ("force",)))
     points = Cases(plan).batch(np.arange(plan.count)).axes
     table = {name: np.ones(plan.count) for name in sweep.without_rows(plan)}
     table |= {study_input.column(name): values for name, values in points.items()}
@@ -484,7 +483,7 @@ def test_a_model_without_answers_has_no_curve_and_a_sentence():
 
 
 def plan_of(factors, load=None, quantities=("force",)):
-    return Plan(paper(), factors, load or {}, "rigid", (FemModel("quick", QUICK),), ("paper",), quantities)
+    return Plan(paper(), factors, load or {}, "rigid", models_of(["quick", "paper"]), quantities)
 
 
 def table_of(plan):

@@ -49,9 +49,7 @@ def top(node):
     return {node.module.split(".")[0]}
 
 
-STUDIES = (
-    "output inputs beam mechanics answers sensing sweeps cases simulation fabrication parts sensitivity calibration"
-)
+STUDIES = "output inputs beam mechanics models answers sensing sweeps cases simulation fabrication parts sensitivity"
 STUDIES = [
     "deferred_modules",
     "quantities",

@@ -19,6 +19,7 @@ from geometry.messages import Progress
 from studies.cli.parameters import Call, Source, say_if_without_magnet, verb
 from studies.inputs.option_groups import Calibration, Sensitivity, Solves, Sweep, Whole
 from studies.inputs.user_input import warn_of_values
+from studies.models import choice
 from studies.output import atomic_files, console, own_files, provenance
 from studies.output.result import FAILED, GOOD, Destination, Result, check_files, of_record, publish, show
 
@@ -27,6 +28,9 @@ if TYPE_CHECKING:
     from studies.parts.requirements import Requirements
     from studies.web.explorer_server import Measuring
 
+MODELS = Parameter(
+    help=f"Models side by side, such as quick,standard,paper,finite: {choice()}; default: standard,paper."
+)
 Study = Annotated[str | None, Parameter(name="STUDY", help="TOML file of a study; with --axis, a design.")]
 
 
@@ -41,6 +45,7 @@ def sweep(
     /,
     *,
     options: Sweep = Sweep(),
+    models: Annotated[str | None, MODELS] = None,
     solves: Solves = Solves(),
     retry_failed: bool = False,
 ) -> int:
@@ -62,11 +67,11 @@ def sweep(
 
     here = call.here(study.FILES, [options.design])
     processes = Processes(solves.workers, solves.scheduler, retry_failed)
-    plan = study.plan_of(source, options, call.sets)
+    plan = study.plan_of(source, options, call.sets, models)
     warn_of_values(plan.design)
     check_files(here)
     atomic_files.check_apart([solves.store], here.inputs)
-    if plan.magnet == "rigid" and plan.fem:
+    if plan.magnet == "rigid" and any(model.states_errors for model in plan.models):
         say_if_without_magnet(plan.design)
     shown = study.Shown(plan)
     try:

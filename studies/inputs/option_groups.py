@@ -506,9 +506,6 @@ class Sweep:
     """Rigid body, or ignored (the whole beam is silicone); default: rigid."""
     accuracy: AccuracyName | None = None
     """Accuracy of the finite elements; default: standard."""
-    models: str | None = None
-    """Models side by side, such as quick,standard,paper,finite: accuracies of the finite elements (half-quick for
-    another model than auto), surrogate, and levels of the formulas; default: standard,paper."""
     quantities: Annotated[str | None, ASKED] = None
     tolerance: Tolerance | None = None
 

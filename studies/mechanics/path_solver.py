@@ -40,7 +40,7 @@ from geometry.bad_input import SolveFailed
 from geometry.design import Design
 from geometry.loads import ANSWERED, Load, Response
 from geometry.messages import Progress
-from studies.mechanics import timed_quantities
+from studies.mechanics import store, timed_quantities
 from studies.mechanics.store import Outcome, Position, State, position
 from studies.mechanics.stored_solutions import of_similar, recorded, restored, turned
 from studies.mechanics.timed_quantities import STILL, PlateMotion
@@ -60,7 +60,7 @@ PRESSED: tuple[Kind, ...] = ("critical depth", "small shear", "modes")
 """Kinds that are about a frictionless press."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Place:
     """Where the answer of a case is stored.
 
@@ -79,6 +79,11 @@ class Place:
     direction: tuple[float, float] = (1.0, 0.0)
     motion: PlateMotion = STILL
     options: Mapping[str, Any] = field(default_factory=dict)
+
+    @functools.cached_property
+    def key(self) -> str:
+        """Key of the path in the store."""
+        return store.key(self.content)
 
     @property
     def content(self) -> dict[str, Any]:
@@ -186,6 +191,8 @@ class Answer:
     values : of a state its largest strain and its sideways stiffness ratio with its half width
         (`fem.solution.Facts`); of other kinds their results: lengths over D, forces over E D^2, frequencies over
         `frequency_unit`.
+    path : key of the path in the store; empty where nothing was solved.
+    columns : values of the further columns of its model.
     """
 
     D: float
@@ -197,6 +204,8 @@ class Answer:
     seconds: float
     estimates: Mapping[str, float | None] = dataclasses.field(default_factory=dict)
     values: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+    path: str = ""
+    columns: Mapping[str, Any] = dataclasses.field(default_factory=dict)
 
     def of(self, D: float, E: float, direction: tuple[float, float] = (1.0, 0.0)) -> Answer:
         """Return the answer for a geometrically similar design: lengths scale with D, forces with E D^2.
@@ -209,6 +218,11 @@ class Answer:
         length = D / self.D
         response = turned(self.response.scaled(length, E / self.E * length**2), direction)
         return replace(self, D=D, E=E, response=response, message=message)
+
+
+def impossible(message: str) -> Answer:
+    """Return the answer to a problem that is impossible, or that a model refuses, for a reason."""
+    return Answer(1.0, 1.0, None, "bad_input", message, NAN, 0.0)
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,31 +1,27 @@
-"""The paths that a study needs: where the answers to its cases are stored, and the solves of what is missing.
+"""The answers of a study's models to its problems: from the store, and the solves of what it lacks.
 
-All places are known before the first solve, so that each path is solved once, to all states that the study needs and
-the store lacks. Memory grows with the number of distinct problems, not with the number of cases.
+Before the first solve all models are asked for all problems of the study, so that each path is solved once, to all
+states that the study needs and the store lacks. What a model needs only after an answer, such as a finer accuracy, is
+solved in a further round. Memory grows with the number of distinct problems, not with the number of cases.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Generator, Iterator, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, cast
 
-from analytic import beam
-from fem.accuracy import LEVELS
-from fem.scene import Scene
 from geometry.design import BadInput
-from geometry.loads import ANSWERED
 from geometry.messages import Progress
 from studies.inputs.study_input import needs_load
 from studies.mechanics import path_solver
-from studies.mechanics import store as store_module
-from studies.mechanics.model_choice import UNMET, Choice, along_shear, choose, unmet
-from studies.mechanics.path_solver import KINDS, NAN, Answer, Kind, Place, Task, solve_task
-from studies.mechanics.store import Position, Store
-from studies.mechanics.study_cases import Cases, FemModel, Plan, Problem, Recent
-from studies.mechanics.tasks import finished, opened
+from studies.mechanics.model import Model
+from studies.mechanics.path_solver import KINDS, Answer, Kind, Place, Task, impossible, solve_task
+from studies.mechanics.store import Position, State, Store
+from studies.mechanics.study_cases import Batch, Cases, Plan, Recent
+from studies.mechanics.tasks import Finished, finished, opened
 from studies.quantities import stored_values
 
 if TYPE_CHECKING:
@@ -35,8 +31,6 @@ AT_ONCE = 8192
 """Problems that are looked at at a time."""
 MOST_WORKERS = 1024
 """Largest number of processes; a larger one is taken for a mistake."""
-IMPOSSIBLE = Answer(1.0, 1.0, None, "bad_input", "", NAN, 0.0)
-"""Stands for the answer to an impossible problem."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,138 +59,135 @@ class Processes:
         return opened(self.workers, self.scheduler)
 
 
-@dataclass(frozen=True, slots=True)
-class Target:
-    """Where the answer of a problem by one model is.
-
-    key, at, direction : key of its path, position there, direction of the shear; the key of an impossible problem, or
-        of one that a formula or the surrogate answers, is empty.
-    formula : the answer of a level of the formulas, or of the surrogate.
-    """
-
-    key: str
-    at: Position = (0.0, 0.0)
-    direction: tuple[float, float] = (1.0, 0.0)
-    message: str = ""
-    formula: Answer | None = None
-    choice: Choice | None = None
-
-
-def surrogate_answers(problems: Sequence[Problem]) -> list[Answer]:
-    """Return the surrogate's answers; their error estimates are half widths of 90 % intervals."""
-    from studies.beam import surrogate_response
-
-    possible = [(k, (p.design, p.load, p.magnet)) for k, p in enumerate(problems) if p.design and p.load]
-    answers = [replace(IMPOSSIBLE, message=problem.message) for problem in problems]
-    estimates = surrogate_response.respond_all([case for _, case in possible])
-    for (k, (design, _, _)), estimate in zip(possible, estimates, strict=True):
-        if isinstance(estimate, str):
-            answers[k] = replace(IMPOSSIBLE, message=estimate)
-            continue
-        errors, values = dict(estimate.errors), {"largest_strain": estimate.strain}
-        force = errors.pop("force")
-        assert force is not None
-        answers[k] = Answer(
-            design.D, design.E_now, estimate.response, "ok", estimate.message, force, 0.0, errors, values
-        )
-    return answers
+Asked = Mapping[str, list[Answer | Place]]
+"""Answers to the problems of a batch, or what is lacking for them, by the models' names, and by quantities that are
+paths of their own."""
 
 
 class Solves:
-    """The paths that a study needs, in the order of its cases, and their missing states.
+    """What the models of a study answer, in the order of its cases, and the solves of missing states.
 
-    Workers solve these, and they are written to the store as they arrive. Paths are numbered from 1.
+    Workers solve these, and they are written to the store as they arrive. Paths are numbered from 1, in the order of
+    the rows.
+
+    store : None for a study that does not solve.
     """
 
     def __init__(
-        self, plan: Plan, cases: Cases, store: Store, processes: Processes, progress: Progress | None
+        self, plan: Plan, cases: Cases, store: Store | None, processes: Processes, progress: Progress | None
     ) -> None:
-        self.plan, self.store = plan, store
-        self.paths: dict[str, Place] = {}
-        self._targets: Recent[dict[str, Target]] = Recent()
-        self._answers: Recent[dict[Position, Answer]] = Recent()
-        tasks, keys = [], list[str]()
-        for number, (key, wanted) in enumerate(self._wanted(cases).items(), 1):
-            states, again = store.states(self.paths[key].content), ("transient",) if processes.retry_failed else ()
-            reached = sorted(at for at, state in states.items() if state.outcome == "ok")
-            values = stored_values(plan.quantities) if self.paths[key].kind == "states" else ()
-            lacking = {
-                at
-                for at in wanted
-                if at not in states or states[at].outcome in again or path_solver.lacks(states[at], values)
-            }
-            if lacking:
-                tasks.append(
-                    path_solver.task(
-                        number, self.paths[key], sorted(lacking), reached, ratios="sideways_stiffness_ratio" in values
-                    )
-                )
-                keys.append(key)
-        self.numbers = {key: number for number, key in enumerate(self.paths, 1)}
-        self._keys, self._open, self.count = list(self.paths), set(keys), len(tasks)
-        by = processes.workers, processes.scheduler
-        self._finished = finished(tasks, solve_task, *by, cost=cost, progress=progress)
-
-    def _wanted(self, cases: Cases) -> dict[str, dict[Position, None]]:
-        """Note the first place of each path, and return the positions that the study needs on it."""
-        wanted: dict[str, dict[Position, None]] = {}
-        firsts = cases.distinct_problems()
-        for start in range(0, len(firsts), AT_ONCE):
-            batch = cases.batch(firsts[start : start + AT_ONCE])
-            for k in batch.problem.tolist():
-                for target, stored in self._places(batch.problems[k]).values():
-                    if stored is not None:
-                        self.paths.setdefault(target.key, stored)
-                        wanted.setdefault(target.key, {})[target.at] = None
-        return wanted
-
-    def targets(self, code: int, problem: Problem) -> Mapping[str, Target]:
-        """Return where the answers to a problem are, by the names of the models and other quantities."""
-        return self._targets.get(code, lambda: {name: target for name, (target, _) in self._places(problem).items()})
-
-    def _places(self, problem: Problem) -> dict[str, tuple[Target, Place | None]]:
+        self.plan, self.cases, self.processes, self.progress = plan, cases, processes, progress
         # critical depths and modes alone need no state under a load
-        first: Kind = "states" if needs_load(self.plan.quantities) else KINDS[self.plan.quantities[0]]
-        kinds = {model.name: (model, first) for model in self.plan.fem if not model.surrogate}
-        if self.plan.reference is not None:
-            kinds |= {name: (self.plan.reference, KINDS[name]) for name in self.plan.quantities if name in KINDS}
-        return {name: self._place(problem, *kind) for name, kind in kinds.items()}
+        first: Kind = "states" if needs_load(plan.quantities) else KINDS[plan.quantities[0]]
+        self.asks: dict[str, tuple[Model, Kind]] = {model.name: (model, first) for model in plan.models}
+        if plan.reference is not None:
+            self.asks |= {name: (plan.reference, KINDS[name]) for name in plan.quantities if name in KINDS}
+        self.values = stored_values(plan.quantities)
+        self.numbers: dict[str, int] = {}
+        self._answers: Recent[Answer] = Recent()
+        self._stored: Recent[Mapping[Position, tuple[Answer, bool]]] = Recent()
+        self._places: dict[str, Place] = {}
+        self._solved: set[tuple[str, Position]] = set()
+        self._open: set[str] = set()
+        self._finished: Generator[Finished[Task, list[State]]] | None = None
+        self.count = 0
+        if plan.solves:
+            assert store is not None
+            self.store = store
+            self._begin()
 
-    @staticmethod
-    def _place(problem: Problem, model: FemModel, kind: Kind) -> tuple[Target, Place | None]:
-        if problem.design is None or problem.load is None:
-            return Target("", message=problem.message), None
-        choice = None
+    def answers(self, batch: Batch, before: Asked | None = None) -> Asked:
+        """Return what is asked of the problems of a batch; `before`: what was known of the same batch."""
+        return {name: self._asked(name, batch, (before or {}).get(name)) for name in self.asks}
+
+    def _asked(self, name: str, batch: Batch, before: list[Answer | Place] | None) -> list[Answer | Place]:
+        model, kind = self.asks[name]
+        answers: list[Any] = list(before or (self._answers.values.get((name, code)) for code in batch.codes))
+        lacking = [
+            k
+            for k, each in enumerate(answers)
+            if each is None or (isinstance(each, Place) and each.key not in self._open)
+        ]
+        found = model.answers([batch.problems[k] for k in lacking], self._found, kind)
+        for k, answer in zip(lacking, found, strict=True):
+            answers[k] = answer
+            if isinstance(answer, Answer):
+                self._answers.add((name, batch.codes[k]), answer)
+        return answers
+
+    def _found(self, place: Place) -> Answer | None:
+        """Return what the store has at a place, unless it lacks what the study asks for."""
+        answer, is_whole = self._stored.get(place.key, lambda: self._read(place)).get(place.at, (None, False))
+        if (place.key, place.at) not in self._solved:
+            return answer if is_whole else None
+        if answer is None:
+            raise BadInput(
+                f"states have been removed from the store {str(self.store.file)!r} while the sweep was running: give "
+                "the same command again"
+            )
+        return answer
+
+    def _read(self, place: Place) -> dict[Position, tuple[Answer, bool]]:
+        """Return the stored answers of a path by their positions, and whether they have all that is asked for."""
+        edge = place.scene.accuracy.section_size
+        return {
+            at: (replace(path_solver.answer(state, edge), path=place.key), not self._lacks(place, state))
+            for at, state in self.store.states(place.content).items()
+        }
+
+    def _lacks(self, place: Place, state: State) -> bool:
+        again = self.processes.retry_failed and state.outcome == "transient"
+        return again or path_solver.lacks(state, self.values if place.kind == "states" else ())
+
+    def _begin(self) -> None:
+        """Ask for all problems of the study, and begin to solve what is lacking."""
+        wanted: dict[str, dict[Position, None]] = {}
+        self._places = {}
+        for place in self._lacking():
+            self._places.setdefault(place.key, place)
+            wanted.setdefault(place.key, {})[place.at] = None
+        tasks = []
+        for number, (key, place) in enumerate(self._places.items(), 1):
+            states = self.store.states(place.content)
+            reached = sorted(at for at, state in states.items() if state.outcome == "ok")
+            ratios = place.kind == "states" and "sideways_stiffness_ratio" in self.values
+            tasks.append(path_solver.task(number, place, sorted(wanted[key]), reached, ratios=ratios))
+        report, words = self.progress, "solves"
+        if self.count and (shown := self.progress):
+            # the bar does not fall back
+            report, words = lambda _, text: shown(1.0, text), "further solves"
+        self._keys, self._open = list(self._places), set(self._places)
+        self.count += len(tasks)
+        by = self.processes.workers, self.processes.scheduler
+        self._finished = finished(tasks, solve_task, *by, cost=cost, progress=report, words=words)
+
+    def _lacking(self) -> Iterator[Place]:
+        """Yield what the store lacks, in the order of the cases."""
+        solving = [name for name, (model, _) in self.asks.items() if model.solves]
+        firsts = self.cases.distinct_problems()
+        for start in range(0, len(firsts), AT_ONCE):
+            batch = self.cases.batch(firsts[start : start + AT_ONCE])
+            found = [self._asked(name, batch, None) for name in solving]
+            for k in batch.problem.tolist():
+                yield from (each[k] for each in found if isinstance(each[k], Place))
+
+    def wait(self, place: Place) -> None:
+        """Wait until a place is solved; the states of all tasks that finish until then go to the store."""
+        if place.key not in self._open:
+            for key in list(self._open):
+                self._wait(key)
+            self._begin()
+        self._wait(place.key)
+
+    def _wait(self, key: str) -> None:
         try:
-            if model.tolerance is not None and kind == "states":
-                choice = choose(problem.design, [problem.load], model.tolerance, problem.magnet)
-                if choice.model_kind != "fem":
-                    if choice.model_kind == "formula":
-                        response = beam.solve(problem.design, problem.load, choice.level_or_accuracy)
-                        found = Answer(problem.design.D, problem.design.E_now, response, "ok", "", choice.bound, 0.0)
-                    else:
-                        (found,) = surrogate_answers([problem])
-                    return Target("", formula=found, choice=choice), None
-                model = FemModel(model.name, LEVELS[choice.level_or_accuracy], model.model)
-            scene = Scene(problem.design, (problem.load,), model.accuracy, problem.magnet, model.model)
-            stored = path_solver.place(scene, kind, problem.motion)
-        except BadInput as error:
-            return Target("", message=str(error)), None
-        key = store_module.key(stored.content)
-        return Target(key, stored.at, stored.direction, choice=choice), stored
-
-    def is_solved(self, key: str) -> bool:
-        """Return whether all states of a path that the study needs are solved, or have failed."""
-        return key not in self._open
-
-    def wait(self, key: str) -> None:
-        """Wait until a path is solved; the states of all tasks that finish until then go to the store."""
-        try:
-            while key in self._open:
+            while key in self._open and self._finished is not None:
                 done = next(self._finished)
                 solved = self._keys[done.task.number - 1]
                 states = path_solver.unsolved(done.task, done.reason) if done.answer is None else done.answer
-                self.store.add(self.paths[solved].content, states)
+                self.store.add(self._places[solved].content, states)
+                self._stored.values.pop(solved, None)
+                self._solved |= {(solved, state.position) for state in states}
                 self._open.discard(solved)
         except KeyboardInterrupt:
             count = self.count - len(self._open)
@@ -206,40 +197,23 @@ class Solves:
                 said = f"{count} of {self.count} solves are kept in {file}; the same command continues from there"
             raise KeyboardInterrupt(said) from None
 
-    def answer(self, target: Target, problem: Problem) -> Answer:
-        """Return the answer to a problem, for its own design; its status says if it may be beyond the tolerance."""
-        if target.formula is not None:
-            return target.formula
-        if problem.design is None or problem.load is None or not target.key:
-            return Answer(1.0, 1.0, None, "bad_input", target.message, NAN, 0.0)
-        stored = self.answers(target.key)
-        if target.at not in stored:
-            raise BadInput(
-                f"states have been removed from the store {str(self.store.file)!r} while the sweep was running: give "
-                "the same command again"
-            )
-        answer = stored[target.at].of(problem.design.D, problem.design.E_now, target.direction)
-        if target.choice is None or answer.response is None or answer.status not in ANSWERED:
-            return answer
-        estimates = {"force": answer.error_estimate, **answer.estimates}
-        along = along_shear(problem.load, answer.response)
-        reason = unmet(target.choice, problem.design, problem.load, along, estimates)
-        if not reason:
-            return answer
-        return replace(answer, status=UNMET, message="; ".join(filter(None, (answer.message, reason))))
-
-    def answers(self, key: str) -> Mapping[Position, Answer]:
-        """Return the stored answers of a path, by their positions."""
-        path = self.paths[key]
-        edge = path.scene.accuracy.section_size
-        return self._answers.get(
-            key,
-            lambda: {at: path_solver.answer(state, edge) for at, state in self.store.states(path.content).items()},
-        )
+    def answered(self, part: Batch, asked: Asked) -> tuple[dict[str, list[Answer]], list[int]]:
+        """Return the answers to the cases of a part, and the number of the reference's path of each problem, 0 for
+        none; what other problems of its batch lack is left empty."""
+        numbers = [0] * len(part.problems)
+        for k in dict.fromkeys(part.problem.tolist()):
+            for name, answers in asked.items():
+                if path := cast("Answer", answers[k]).path:
+                    number = self.numbers.setdefault(path, len(self.numbers) + 1)
+                    numbers[k] = number if self.plan.reference and name == self.plan.reference.name else numbers[k]
+        empty = impossible("")
+        whole = {name: [empty if isinstance(each, Place) else each for each in of] for name, of in asked.items()}
+        return whole, numbers
 
     def close(self) -> None:
         """Stop the workers."""
-        self._finished.close()
+        if self._finished is not None:
+            self._finished.close()
 
 
 def cost(task: Task) -> float:

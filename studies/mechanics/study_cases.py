@@ -22,43 +22,23 @@ from typing import Any, Generic, TypeVar, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from analytic.beam import LEVELS as FORMULAS
-from fem.accuracy import LEVELS, Accuracy
-from fem.scene import Model
 from geometry.arrays import Array
-from geometry.bad_input import closest
 from geometry.design import OF_MODULUS, OF_READINGS, OF_TIME, BadInput, Design, modulus_at
 from geometry.loads import Load, Magnet, check_load
-from studies.inputs import study_input, user_input
+from studies.inputs import study_input
 from studies.inputs.study_input import DESIGN, LOAD, LOADS, Factor
 from studies.inputs.user_input import Value
-from studies.mechanics.timed_quantities import STILL, TIMED, PlateMotion, check_motion, motion_of
+from studies.mechanics.model import Model, Problem
+from studies.mechanics.timed_quantities import STILL, TIMED, check_motion, motion_of
 from studies.quantities import QUANTITIES
 
 READING_FIELDS = frozenset({*OF_READINGS, *OF_TIME})
 """Fields of a design on which the static mechanics do not depend."""
 MOST_KEPT = 20_000
 """Number of resolved sensors, and of problems, that are kept for the next batch; it bounds the memory."""
-FEM_MODELS = ("axisymmetric", "harmonic", "half", "full")
-"""Models of finite elements that can stand before an accuracy, as in half-quick."""
 Columns = dict[str, NDArray[Any]]
 """A table: columns of equal length by their names; NaN and None stand for values that do not exist."""
 Kept = TypeVar("Kept")
-
-
-@dataclass(frozen=True, slots=True)
-class FemModel:
-    """A finite-element model of a study: its name in the study, accuracy and model.
-
-    With a `tolerance`, each case takes the cheapest model whose measured error meets it, which may be a level of the
-    formulas (see `studies.mechanics.model_choice`). A `surrogate` stands for finite elements that are not solved.
-    """
-
-    name: str
-    accuracy: Accuracy
-    model: Model = "auto"
-    tolerance: float | None = None
-    surrogate: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +47,7 @@ class Plan:
 
     factors : what varies; the last factor varies fastest.
     magnet : model of the magnet where it is no axis.
-    fem : finite-element models, the surrogate before them, coarsest first; the last one is the reference.
+    models : in the order of their columns (`studies.models.ordered`); the last one that solves is the reference.
     truth : name of the model that errors are taken against; default: the reference, if there is one.
     """
 
@@ -75,8 +55,7 @@ class Plan:
     factors: tuple[Factor, ...]
     load: Mapping[str, Value]
     magnet: Magnet
-    fem: tuple[FemModel, ...]
-    formulas: tuple[str, ...]
+    models: tuple[Model, ...]
     quantities: tuple[str, ...]
     truth: str = ""
 
@@ -100,14 +79,19 @@ class Plan:
         return math.prod(factor.count for factor in self.factors)
 
     @property
-    def reference(self) -> FemModel | None:
-        """The finest finite-element model, which gives the status of a row; None if the study has none."""
-        return self.fem[-1] if self.fem and not self.fem[-1].surrogate else None
+    def reference(self) -> Model | None:
+        """The finest model that solves, which gives the status of a row; None if the study has none."""
+        return next((model for model in reversed(self.models) if model.solves), None)
 
     @property
     def solves(self) -> bool:
-        """Whether any model solves, and so needs a store; formulas and the surrogate do not."""
-        return not all(model.surrogate for model in self.fem)
+        """Whether any model solves, and so needs a store."""
+        return self.reference is not None
+
+    @property
+    def levels(self) -> tuple[str, ...]:
+        """Names of the models that decode readings: levels of the formulas."""
+        return tuple(model.name for model in self.models if model.decodes)
 
     @property
     def depends_on_time(self) -> bool:
@@ -138,22 +122,6 @@ class Plan:
         """Return the indices of the factors on which "sensors" or "problems" depend."""
         idle = self.idle(kind)
         return tuple(k for k, factor in enumerate(self.factors) if not set(factor.names) <= idle)
-
-
-@dataclass(frozen=True, slots=True)
-class Problem:
-    """What the mechanics depend on in a case, or the reason why it is impossible.
-
-    `design`, `load`: None if the case is impossible; `message` then gives the reason. The design is that which all
-    models solve (`geometry.design.Design.for_mechanics`). Its E and its temperature are those of the base design,
-    unless the study has an imperfection or a quantity that depends on time.
-    """
-
-    design: Design | None
-    load: Load | None
-    magnet: Magnet
-    message: str
-    motion: PlateMotion = STILL
 
 
 @dataclass(frozen=True, slots=True)
@@ -200,10 +168,14 @@ class Recent(Generic[Kept]):
     def get(self, key: Hashable, make: Callable[[], Kept]) -> Kept:
         """Return the value of a key; `make` computes one that is not kept."""
         if key not in self.values:
-            self.values[key] = make()
-            if len(self.values) > self.most:
-                self.values.popitem(last=False)
+            self.add(key, make())
         return self.values[key]
+
+    def add(self, key: Hashable, value: Kept) -> None:
+        """Keep the value of a key."""
+        self.values[key] = value
+        if len(self.values) > self.most:
+            self.values.popitem(last=False)
 
 
 class Cases:
@@ -307,7 +279,7 @@ class Cases:
             load = load_of(values)
             check_load(design, load, magnet)
         except BadInput as error:
-            return Problem(None, None, magnet, str(error))
+            return Problem(None, None, magnet, str(error), STILL)
         return Problem(design, load, magnet, "", motion_of(values))
 
 
@@ -368,50 +340,6 @@ def _value(value: Any) -> Value:
     return value if isinstance(value, str) else float(value)
 
 
-def models_of(names: Sequence[str], tolerance: float | None = None) -> tuple[tuple[FemModel, ...], tuple[str, ...]]:
-    """Return the finite-element models, coarsest first and the surrogate before them, and the formulas' levels.
-
-    Parameters
-    ----------
-    names : see `studies.cases.answer`; `fem:` before an accuracy may be left out.
-    tolerance : adds the model that `tolerance:...` names.
-    """
-    fem, formulas = [], []
-    for name in names:
-        kind, _, text = name.partition(":")
-        short = model_name(name)
-        model, _, level = short.rpartition("-")
-        if kind == "tolerance":
-            tolerance = user_input.parse_tolerance(text)
-        elif short in FORMULAS:
-            formulas.append(short)
-        elif short == "surrogate":
-            fem.append(FemModel(short, LEVELS["standard"], surrogate=True))
-        elif level in LEVELS and model in ("", *FEM_MODELS):
-            fem.append(FemModel(short, LEVELS[level], cast("Any", model or "auto")))
-        else:
-            known = [*LEVELS, *FORMULAS, "surrogate", "fem", "tolerance:1%"]
-            close = closest(name, known)
-            hint = f"did you mean {close}?" if close else f"choose from {', '.join(known)}, or such as half-quick"
-            raise BadInput(f"there is no model {name!r}: {hint}")
-        if [model_name(other) for other in names].count(short) > 1:
-            raise BadInput(f"model {name} is given twice: give each model once")
-    if tolerance is not None:
-        if solved := [model.name for model in fem if not model.surrogate]:
-            raise BadInput(
-                f"a tolerance chooses the finite elements, which are given too ({solved[0]}): leave one out"
-            )
-        fem.append(FemModel("chosen", LEVELS["standard"], tolerance=tolerance))
-    return coarsest_first(fem), tuple(level for level in FORMULAS if level in formulas)
-
-
-def coarsest_first(models: Sequence[FemModel]) -> tuple[FemModel, ...]:
-    """Return models of finite elements in the order of a `Plan`: the last one is the reference."""
-    return tuple(
-        sorted(models, key=lambda one: (not one.surrogate, one.model in ("half", "full"), -one.accuracy.section_size))
-    )
-
-
 def completed(plan: Plan, without: Sequence[str] = ()) -> Plan:
     """Return a study with the usual quantities, but `without` some, if it names none; refuse what no model gives."""
     usual = ("always", "sideways") if plan.loads_sideways else ("always",)
@@ -421,21 +349,11 @@ def completed(plan: Plan, without: Sequence[str] = ()) -> Plan:
     for each in (QUANTITIES[name] for name in asked):
         if (each.solved or each.path) and not plan.solves:
             raise BadInput(f"quantity {each.name} needs finite elements: add a model such as standard")
-        if each.of_states and not each.derive and not plan.fem:
+        if each.of_states and not each.derive and not any(model.states_errors for model in plan.models):
             raise BadInput(
                 f"quantity {each.name} needs finite elements or the surrogate: add a model such as standard"
             )
-    if "decoded_force_error" in asked and not plan.formulas:
+    if "decoded_force_error" in asked and not plan.levels:
         raise BadInput("quantity decoded_force_error needs a level of the formulas: add a model such as finite")
     check_motion({*plan.axes, *plan.load}, asked)
     return dataclasses.replace(plan, quantities=asked)
-
-
-def model_name(name: str) -> str:
-    """Return the short name of a model.
-
-    >>> [model_name(name) for name in ("fem", "fem:half-quick", "paper", "tolerance:1%")]
-    ['standard', 'half-quick', 'paper', 'chosen']
-    """
-    kind, _, text = name.partition(":")
-    return {"fem": text or "standard", "tolerance": "chosen"}.get(kind, name)

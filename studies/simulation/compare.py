@@ -14,12 +14,14 @@ from dataclasses import asdict, replace
 from functools import partial
 from typing import TYPE_CHECKING
 
-from fem.accuracy import STANDARD, Accuracy
+from fem.accuracy import LEVELS, STANDARD, Accuracy
 from geometry.design import Design
-from geometry.loads import ANSWERED, Load
+from geometry.loads import ANSWERED, Load, Magnet
 from geometry.messages import Progress
 from studies import cases
 from studies.mechanics.model_choice import Choice
+from studies.models.finite_elements import FemModel
+from studies.models.tolerance import until_met
 from studies.output.figures import picture
 from studies.output.records import FlatRow
 from studies.output.result import Block, Result, failure_of
@@ -29,7 +31,7 @@ from studies.simulation.comparison_rows import (
     table,
     with_reading_errors,
 )
-from studies.simulation.within_tolerance import beyond, columns_of
+from studies.simulation.within_tolerance import checked, columns_of, finer, unmet
 from studies.sweeps import sweep
 
 if TYPE_CHECKING:
@@ -37,6 +39,8 @@ if TYPE_CHECKING:
 
 FILES = ("press.csv", "shear.csv", "press.png", "shear.png")
 """Files of a comparison."""
+SOLVED = ("fem", "fem_homogeneous")
+"""Mechanics by finite elements."""
 Loads = tuple[Sequence[Load], Sequence[Load]]
 """Loads of the press and of the shear."""
 
@@ -56,10 +60,22 @@ def run(
     Parameters
     ----------
     loads : default: `default_loads`.
-    chosen : the accuracy that a tolerance has chosen, and that tolerance.
+    chosen : the accuracy that a tolerance has chosen, and that tolerance; a finer one follows where it is not met.
     """
-    press_loads, shear_loads = loads or default_loads(design)
-    answers = _answers(design, [*press_loads, *shear_loads], accuracy, progress)
+    press_loads, shear_loads = paths = loads or default_loads(design)
+    magnet: Magnet = "rigid" if design.shape.has_magnet else "ignored"
+
+    def answers_by(choice: Choice) -> dict[str, pd.DataFrame]:
+        level = LEVELS[choice.level_or_accuracy]
+        return _checked(_answers(design, [*press_loads, *shear_loads], level, progress), design, paths, choice)
+
+    def lost(answers: dict[str, pd.DataFrame], choice: Choice) -> str:
+        return unmet([row for name in SOLVED for row in answers[name].to_dict("records")], choice)
+
+    if chosen is None:
+        answers = _answers(design, [*press_loads, *shear_loads], accuracy, progress)
+    else:
+        chosen, answers = until_met(chosen, answers_by, lost, partial(finer, design, paths, magnet))
     count = len(press_loads)
     press = table("press", design, {name: frame[:count] for name, frame in answers.items()})
     shear = table("shear", design, {name: frame[count:] for name, frame in answers.items()})
@@ -77,7 +93,6 @@ def _result(
         for title, rows in (("Press", press), ("Shear", shear))
     ]
     rows = [*press, *shear]
-    lost = beyond(rows, chosen.tolerance) if chosen else []
     return Result(
         title="Comparison",
         records=[{"press": press, "shear": shear, "summary": summary, **(columns_of(chosen) if chosen else {})}],
@@ -87,7 +102,7 @@ def _result(
             "press.png": partial(picture, rows=press, draw=comparison_figures.press),
             "shear.png": partial(picture, rows=shear, draw=comparison_figures.shear),
         },
-        failures=[*lost, *failure_of([row for row in rows if row["status"] not in ANSWERED])],
+        failures=failure_of([row for row in rows if row["status"] not in ANSWERED]),
         design=asdict(design),
     )
 
@@ -108,6 +123,21 @@ def part(progress: Progress | None, low: float, high: float, name: str = "") -> 
     return lambda fraction, text: progress(low + (high - low) * fraction, f"{name}: {text}" if name else text)
 
 
+def _checked(
+    answers: dict[str, pd.DataFrame], design: Design, paths: Loads, choice: Choice
+) -> dict[str, pd.DataFrame]:
+    """Return the answers with the status of those by finite elements that are not known to meet the tolerance."""
+    import pandas as pd
+
+    def of(frame: pd.DataFrame) -> pd.DataFrame:
+        rows = zip(frame.to_dict("records"), [load for path in paths for load in path], strict=True)
+        return pd.DataFrame(
+            [checked(row, (row["force_x_N"], row["force_y_N"]), design, load, choice) for row, load in rows]
+        )
+
+    return answers | {name: of(answers[name]) for name in SOLVED}
+
+
 def _answers(
     design: Design, loads: Sequence[Load], accuracy: Accuracy, progress: Progress | None
 ) -> dict[str, pd.DataFrame]:
@@ -120,14 +150,14 @@ def _answers(
         "friction": [load.friction for load in loads],
     })  # fmt: skip
 
-    def by(model: str | cases.FemModel, magnet: str, progress: Progress | None = None) -> pd.DataFrame:
+    def by(model: str | FemModel, magnet: str, progress: Progress | None = None) -> pd.DataFrame:
         quantities = ("force", "shift", "tilt", "contact_radius")
         found = cases.answer(
             rows.assign(magnet=magnet), [model], base=design, quantities=quantities, progress=progress
         )
         return found.rename(columns=lambda name: name.removeprefix("fem_").removeprefix("analytic_"))
 
-    fem = cases.FemModel("fem", accuracy)
+    fem = FemModel("fem", accuracy)
     formula = by("paper", "ignored")
     if not design.shape.has_magnet:
         bare = by(fem, "ignored", progress)

@@ -1,15 +1,11 @@
-"""Solutions within a tolerance: the model that `model_choice` chooses, checked by its own error estimates.
-
-Finite elements whose estimates exceed the tolerance, or are unknown, are solved again at the next finer accuracy. If
-there is none, the states have the status UNMET, and exit status 3.
-"""
+"""Paths of loads within a tolerance: one model for all states, refined until they meet it."""
 
 from __future__ import annotations
 
-import math
 import time
-from collections.abc import Generator, Mapping, Sequence
+from collections.abc import Generator, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
@@ -21,6 +17,7 @@ from studies.inputs.option_groups import Method, Wanted
 from studies.inputs.user_input import AccuracyName, parse_tolerance
 from studies.mechanics import model_choice
 from studies.mechanics.model_choice import UNMET, Choice, percent
+from studies.models.tolerance import until_met
 from studies.output import console
 from studies.output.records import FlatRow
 from studies.simulation import load_cases, state_rows
@@ -114,26 +111,45 @@ def solve(design: Design, loads: list[Load], method: Method, choice: Choice, **o
         for load in loads:
             yield _unsolved_row(design, load, method.magnet, choice) | columns_of(choice)
         return
-    while True:
+
+    def rows_by(choice: Choice) -> list[FlatRow]:
         accuracy = cast(AccuracyName, choice.level_or_accuracy)
         states = load_cases.solve(design, loads, replace(method, wanted=Wanted(accuracy=accuracy)), **options)
-        rows = [_checked(row, design, loads[0], choice) for row in states]
-        lost = next((row["message"] for row in rows if row["status"] == UNMET), "")
-        finer = model_choice.finer(design, loads, choice, method.magnet) if lost else None
-        if finer is None:
-            break
-        console.say(f"magtip: at accuracy {accuracy} {lost}: solved again at accuracy {finer.level_or_accuracy}")
-        choice = finer
+        return [_checked(row, design, loads[0], choice) for row in states]
+
+    choice, rows = until_met(choice, rows_by, unmet, partial(finer, design, [loads], method.magnet))
     for row in rows:
         yield row | columns_of(choice)
 
 
+def unmet(rows: Sequence[FlatRow], _: Choice) -> str:
+    """Return why some row is not known to meet the tolerance, "" if all are."""
+    return next((row["message"] for row in rows if row["status"] == UNMET), "")
+
+
+def finer(
+    design: Design, paths: Sequence[Sequence[Load]], magnet: Magnet, choice: Choice, reason: str
+) -> Choice | None:
+    """Return the choice at the next finer accuracy, for all paths; say why it is needed."""
+    found = [model_choice.finer(design, path, choice, magnet) for path in paths]
+    known = [each for each in found if each is not None]
+    if len(known) < len(paths):
+        return None
+    accuracy = known[0].level_or_accuracy
+    console.say(f"magtip: at accuracy {choice.level_or_accuracy} {reason}: solved again at accuracy {accuracy}")
+    return max(known, key=lambda each: each.bound)
+
+
 def _checked(row: FlatRow, design: Design, like: Load, choice: Choice) -> FlatRow:
     """Return the row of a solved state, with status UNMET and the reason if it is not known to meet the tolerance."""
-    force = row["force_N"]
+    load = replace(like, depth=row["depth_mm"], shear_x=row["shear_mm"], shear_y=row["shear_y_mm"])
+    return checked(row, row["force_N"], design, load, choice)
+
+
+def checked(row: FlatRow, force: Sequence[float] | None, design: Design, load: Load, choice: Choice) -> FlatRow:
+    """Return a row with its estimates, with status UNMET and the reason if it is not known to meet the tolerance."""
     if row["status"] not in ANSWERED or force is None:
         return row
-    load = replace(like, depth=row["depth_mm"], shear_x=row["shear_mm"], shear_y=row["shear_y_mm"])
     x, y = load.direction
     estimates = {name: row[column] for column, name in state_rows.ERRORS.items()}
     reason = model_choice.unmet(choice, design, load, x * force[0] + y * force[1], estimates)
@@ -161,16 +177,3 @@ def choose_accuracy(design: Design, paths: Sequence[Sequence[Load]], text: str) 
     names: list[str] = ["quick", *model_choice.FINER.values()]
     # both paths are solved at one accuracy: the path that needs the finer one, or has the larger errors, decides
     return max(choices, key=lambda choice: (names.index(choice.level_or_accuracy), choice.bound))
-
-
-def beyond(rows: Sequence[Mapping[str, Any]], tolerance: float) -> list[str]:
-    """Return which error estimates of the rows of a comparison exceed its tolerance, or are unknown."""
-    lost = {}
-    for row in rows:
-        # without a shear there is no force along it
-        upright = not row.get("shear_mm")
-        for name in (key for key in row if key.endswith("error_estimate") and row["status"] in ANSWERED):
-            if not (value := row[name]) <= tolerance and not (upright and "sideways" in name):
-                size = "is unknown" if math.isnan(value) else f"of {percent(value)} exceeds it"
-                lost[name] = f"{name} {size} at depth {row['depth_mm']:g} mm"
-    return [f"tolerance {percent(tolerance)}: {text}" for text in lost.values()]

@@ -17,13 +17,12 @@ import contextlib
 import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from analytic import beam
 from analytic.hall import batch_readings
 from analytic.parts import element_names
 from fem.scene import relaxed
@@ -34,9 +33,9 @@ from geometry.relaxation import relaxation_of
 from studies.answers import NAN, STATED, Answers, SweepColumns, ratio
 from studies.inputs import study_input
 from studies.mechanics import timed_quantities
+from studies.mechanics.model import Problem
 from studies.mechanics.path_solver import Answer, frequency_unit
-from studies.mechanics.solve_plan import IMPOSSIBLE
-from studies.mechanics.study_cases import Batch, Columns, Plan, Problem, Recent
+from studies.mechanics.study_cases import Batch, Columns, Plan, Recent
 from studies.quantities import QUANTITIES, Part, Quantity, reading_parts
 
 FIRST_AXES = ("D", "L", "f", "E", "depth")
@@ -45,23 +44,9 @@ MOST_DECODERS = 16
 """Number of decoders that are kept, some MB each."""
 
 
-@dataclass(frozen=True, slots=True)
-class Solved:
-    """Answers of the finite elements for the distinct problems of a batch.
-
-    Attributes
-    ----------
-    states : of each model by its name, for the problem's own D, E and direction of the shear; the status is
-        "bad_input" where the problem is impossible.
-    numbers : number of the reference's path, 0 for none; empty without a reference.
-    others : of the quantities that are paths of their own.
-    chosen : the model that a tolerance has chosen, and the bound of its relative error.
-    """
-
-    states: Mapping[str, Sequence[Answer]]
-    numbers: Sequence[int]
-    others: Mapping[str, Sequence[Answer]]
-    chosen: Sequence[tuple[str, float]] = ()
+Given = Mapping[str, Sequence[Answer]]
+"""Answers to the distinct problems of a batch, for their own D, E and direction of the shear, by the models' names
+and by quantities that are paths of their own; the status is "bad_input" where a problem is impossible."""
 
 
 class Rows:
@@ -69,24 +54,23 @@ class Rows:
 
     def __init__(self, plan: Plan) -> None:
         self.plan = plan
-        self._formulas: Recent[Answer] = Recent()
         self._decoders: Recent[Any] = Recent(MOST_DECODERS)
         self._columns = SweepColumns.of_plan(plan)
+        self._paths = [name for name in plan.quantities if QUANTITIES[name].path]
 
-    def answers(self, batch: Batch, solved: Solved) -> Answers:
-        """Return the answers to a batch."""
-        plan, states = self.plan, dict(solved.states)
-        for level in plan.formulas:
-            states[level] = [self._formula(level, *each) for each in zip(batch.codes, batch.problems, strict=True)]
+    def answers(self, batch: Batch, given: Given, numbers: Sequence[int]) -> Answers:
+        """Return the answers to a batch; `numbers`: of the path of the reference's answer to each problem."""
+        plan, states = self.plan, {model.name: given[model.name] for model in self.plan.models}
+        stating = {model.name: states[model.name] for model in plan.models if model.states_errors}
         found = Answers(self._columns, plan.quantities, self._axis_columns(batch), plan.loads_sideways)
         for model, answers in states.items():
             _add_responses(found, batch, model, answers)
-        for model, answers in solved.states.items():
+        for model, answers in stating.items():
             found.estimate[model, "force"] = _of_answers(batch, [answer.error_estimate for answer in answers])
             for name in STATED[1 : 4 if plan.loads_sideways else 2]:
                 found.estimate[model, name] = _of_answers(batch, [answer.estimates.get(name) for answer in answers])
         for name in plan.quantities:
-            for model, answers in solved.states.items() if QUANTITIES[name].of_states else ():
+            for model, answers in stating.items() if QUANTITIES[name].of_states else ():
                 _add_stored(found, batch, model, QUANTITIES[name], answers)
         if plan.loads_sideways:
             loads = [problem.load for problem in batch.problems]
@@ -96,13 +80,13 @@ class Rows:
             self._add_readings(found, batch)
         if "decoded_force_error" in plan.quantities:
             self._add_decoded(found, batch)
-        for name, answers in solved.others.items():
+        for name in self._paths:
             assert plan.reference is not None
-            PATHS[name](found, plan.reference.name, plan, batch, answers)
+            PATHS[name](found, plan.reference.name, plan, batch, given[name])
         if "l0" not in plan.fields:
             found.late["l0_mm"] = _of_sensors(batch, lambda design: design.l0)
-        found.solves = self._solve_columns(batch, solved)
-        self._add_verdicts(found, batch, solved, states)
+        found.solves = self._solve_columns(batch, states, numbers)
+        self._add_verdicts(found, batch, states, {name: given[name] for name in self._paths})
         return found
 
     def _axis_columns(self, batch: Batch) -> Columns:
@@ -116,24 +100,24 @@ class Rows:
             table[study_input.column(name)] = _as_column(values)
         return table
 
-    def _solve_columns(self, batch: Batch, solved: Solved) -> Columns:
-        """Return the columns of choices, numbers and times of solves."""
+    def _solve_columns(self, batch: Batch, states: Given, numbers: Sequence[int]) -> Columns:
+        """Return the further columns of the models, and numbers and times of solves."""
         table: Columns = {}
-        reference = solved.states[self.plan.reference.name] if self.plan.reference is not None else ()
-        zeros = [0] * len(batch.problems)
-        if self.plan.reference is not None and self.plan.reference.tolerance is not None:
-            table["chosen_model"] = _texts(batch, [name for name, _ in solved.chosen])
-            table["expected_error"] = np.array([bound for _, bound in solved.chosen], dtype=float)[batch.problem]
-        table["solve"] = np.array(solved.numbers or zeros)[batch.problem]
-        table["seconds"] = np.array([a.seconds for a in reference] or zeros, dtype=float)[batch.problem]
+        for model in self.plan.models:
+            for column, none in model.columns.items():
+                values = [answer.columns.get(column, none) for answer in states[model.name]]
+                kind = object if isinstance(none, str) else float
+                table[column] = np.array(values, dtype=kind)[batch.problem]
+        reference = self.plan.reference
+        seconds = [answer.seconds for answer in states[reference.name]] if reference else [0.0] * len(batch.problems)
+        table["solve"] = np.array(numbers, dtype=int)[batch.problem]
+        table["seconds"] = np.array(seconds, dtype=float)[batch.problem]
         return table
 
-    def _add_verdicts(
-        self, found: Answers, batch: Batch, solved: Solved, states: Mapping[str, Sequence[Answer]]
-    ) -> None:
-        """Add the status of each model, and status and message of the row; `states` are those of all models."""
+    def _add_verdicts(self, found: Answers, batch: Batch, states: Given, paths: Given) -> None:
+        """Add the status of each model, and status and message of the row."""
         found.status = {name: _texts(batch, [a.status for a in each]) for name, each in states.items()}
-        rows = [self._state(solved, states, k, problem) for k, problem in enumerate(batch.problems)]
+        rows = [self._state(states, paths, k, problem) for k, problem in enumerate(batch.problems)]
         status = found.status[""] = _texts(batch, [status for status, _ in rows])
         message = found.message = _texts(batch, [message for _, message in rows])
         read = "readings" in self.plan.quantities and {"magnet_diameter", "magnet_height"} & set(self.plan.fields)
@@ -148,31 +132,15 @@ class Rows:
                     texts = (message[row], "without a magnet there are no readings")
                     message[row] = "; ".join(filter(None, texts))
 
-    def _formula(self, level: str, code: int, problem: Problem) -> Answer:
-        def make() -> Answer:
-            if problem.design is None or problem.load is None:
-                return replace(IMPOSSIBLE, message=problem.message)
-            design = problem.design
-            try:
-                response = beam.solve(design, problem.load, level)
-            except BadInput as error:
-                return replace(IMPOSSIBLE, message=f"no formula: {error}")
-            unknown = f"the formulas use E and nu only, not the law {design.law}"
-            message = "" if design.law == "neo-hookean" else unknown
-            return Answer(design.D, design.E_now, response, "ok", message, NAN, 0.0)
-
-        return self._formulas.get((level, code), make)
-
-    def _state(
-        self, solved: Solved, states: Mapping[str, Sequence[Answer]], k: int, problem: Problem
-    ) -> tuple[str, str]:
+    def _state(self, states: Given, paths: Given, k: int, problem: Problem) -> tuple[str, str]:
         if problem.design is None:
             return "bad_input", problem.message
-        others = [each[k] for each in solved.others.values()]
-        # the reference is the last model that is no formula
-        models = [
-            states[name][k] for name in (*(model.name for model in reversed(self.plan.fem)), *self.plan.formulas)
-        ]
+        others = [each[k] for each in paths.values()]
+        # the reference first, then what states errors, finest first
+        stating = [model for model in reversed(self.plan.models) if model.states_errors]
+        stating.sort(key=lambda model: model is not self.plan.reference)
+        ranked = [*stating, *(model for model in self.plan.models if not model.states_errors)]
+        models = [states[model.name][k] for model in ranked]
         texts = [answer.message for answer in (*models, *others)]
         judged = [models[0], *others] if self.plan.reference else models
         if self.plan.reference:
@@ -180,8 +148,8 @@ class Rows:
         else:
             status = next((answer.status for answer in judged if answer.status in ANSWERED), "bad_input")
         buckled = ""
-        if "critical_depth" in solved.others:
-            status, buckled = with_critical(status, solved.others["critical_depth"][k], problem)
+        if "critical_depth" in paths:
+            status, buckled = with_critical(status, paths["critical_depth"][k], problem)
         return status, "; ".join(filter(None, dict.fromkeys([*texts, buckled])))
 
     # Readings of the Hall elements, and forces that the formulas decode from them
@@ -242,7 +210,7 @@ class Rows:
         true = found.value[reference.name, "force"][:, [1, 2, 0]]
         output = self._read(batch, found.value[reference.name, "shift"], found.value[reference.name, "tilt"])[1]
         magnets = _texts(batch, [problem.magnet for problem in batch.problems])
-        for level in self.plan.formulas:
+        for level in self.plan.levels:
             force = np.full((len(batch), 3), NAN)
             for (k, design), magnet in itertools.product(enumerate(batch.sensors), ("rigid", "ignored")):
                 rows = np.flatnonzero((batch.sensor == k) & (magnets == magnet) & np.isfinite(output).all(axis=1))
@@ -399,13 +367,14 @@ def _add_cycles(found: Answers, model: str, plan: Plan, batch: Batch, answers: S
 def _vibration(plan: Plan, problem: Problem, answer: Answer) -> tuple[float, ...]:
     """Return gain, phase, bandwidth, resonance and Q of a problem; NaN for what it does not have."""
     values, design = answer.values, problem.design
-    if not values or design is None or plan.reference is None:
+    accuracy = plan.reference.accuracy_of("response") if plan.reference else None
+    if not values or design is None or accuracy is None:
         return (NAN,) * 5
     at_rest, frequency = relaxed(design, relaxation_of(design)), problem.motion.frequency
     unit = timed_quantities.unit_of(at_rest)
     gain = complex(NAN, NAN)
     if frequency is not None:
-        gain = timed_quantities.gain_at(values, timed_quantities.band(at_rest, plan.reference.accuracy), frequency)
+        gain = timed_quantities.gain_at(values, timed_quantities.band(at_rest, accuracy), frequency)
     bandwidth, resonance, Q = (
         NAN if values[name] is None else values[name] for name in ("bandwidth", "resonance", "Q")
     )

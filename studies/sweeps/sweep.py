@@ -10,7 +10,6 @@ the number of rows.
 from __future__ import annotations
 
 import contextlib
-import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -27,24 +26,19 @@ from studies.answers import flat_rows, status_columns
 from studies.inputs import study_input, user_input
 from studies.inputs.user_input import Value
 from studies.mechanics import store as stores
-from studies.mechanics.model_choice import UNMET, percent
-from studies.mechanics.path_solver import KINDS, Answer
-from studies.mechanics.solve_plan import IMPOSSIBLE, Processes, Solves, Target, surrogate_answers
+from studies.mechanics.model import Model
+from studies.mechanics.model_choice import UNMET
+from studies.mechanics.path_solver import Place
+from studies.mechanics.solve_plan import Processes, Solves
 from studies.mechanics.store import Store
-from studies.mechanics.study_cases import (
-    Batch,
-    Cases,
-    Columns,
-    FemModel,
-    Plan,
-    completed,
-    models_of,
-)
+from studies.mechanics.study_cases import Cases, Columns, Plan, completed
+from studies.models import kinds, models_of
+from studies.models.tolerance import Tolerance
 from studies.output import atomic_files, console, table_files
 from studies.output.records import FlatRow
 from studies.output.result import Result, Table
 from studies.quantities import QUANTITIES
-from studies.sweeps.study_rows import Rows, Solved
+from studies.sweeps.study_rows import Rows
 
 if TYPE_CHECKING:
     from studies.inputs.option_groups import Sweep
@@ -97,9 +91,7 @@ def run(
     cases = Cases(plan)
     name, other = ("sweep.parquet", "sweep.csv") if plan.count > LARGE else ("sweep.csv", "sweep.parquet")
     with contextlib.ExitStack() as stack:
-        solves = None
-        if store is not None:
-            solves = stack.enter_context(contextlib.closing(Solves(plan, cases, store, processes, progress)))
+        solves = stack.enter_context(contextlib.closing(Solves(plan, cases, store, processes, progress)))
         batches = _batches(plan, cases, solves)
         if folder is None:
             yield from (table for table, _ in batches)
@@ -137,66 +129,38 @@ def store_of(plan: Plan, store: Store | Path | str | None) -> contextlib.Abstrac
 
 def without_rows(plan: Plan) -> Columns:
     """Return the columns of a plan that has no case."""
-    batch = Cases(plan).batch(np.arange(0))
-    states: dict[str, list[Answer]] = {model.name: [] for model in plan.fem}
-    nothing = Solved(states, (), {name: [] for name in KINDS if name in plan.quantities})
-    return Rows(plan).answers(batch, nothing).wide()
+    names = [*(model.name for model in plan.models), *(name for name in plan.quantities if QUANTITIES[name].path)]
+    return Rows(plan).answers(Cases(plan).batch(np.arange(0)), {name: [] for name in names}, []).wide()
 
 
-def _batches(plan: Plan, cases: Cases, solves: Solves | None) -> Iterator[tuple[Columns, NDArray[np.int64]]]:
+def _batches(plan: Plan, cases: Cases, solves: Solves) -> Iterator[tuple[Columns, NDArray[np.int64]]]:
     """Yield tables with the indices of their cases; a batch ends before a case whose path is not solved yet."""
     rows = Rows(plan)
     for first in range(0, plan.count, BATCH):
         indices = np.arange(first, min(first + BATCH, plan.count))
-        batch = cases.batch(indices)
-        if solves is None:
-            yield rows.answers(batch, _solved(plan, batch, (), None)).wide(), indices
-            continue
-        targets = [solves.targets(code, problem) for code, problem in zip(batch.codes, batch.problems, strict=True)]
-        done = 0
+        batch, done = cases.batch(indices), 0
+        found = solves.answers(batch)
         while done < len(indices):
-            # the first case whose path is not solved, in the order of the cases
-            ready = np.array([all(solves.is_solved(t.key) for t in kinds.values() if t.key) for kinds in targets])
-            waiting = np.flatnonzero(~ready[batch.problem[done:]])
+            # the first case that lacks a solve, in the order of the cases
+            lacking = np.any([[isinstance(each, Place) for each in of] for of in found.values()], axis=0)
+            waiting = np.flatnonzero(lacking[batch.problem[done:]])
             end = done + int(waiting[0]) if len(waiting) else len(indices)
             if end > done:
                 part = batch.part(done, end)
-                yield rows.answers(part, _solved(plan, part, targets, solves)).wide(), indices[done:end]
+                yield rows.answers(part, *solves.answered(part, found)).wide(), indices[done:end]
                 done = end
             else:
-                solves.wait(next(t.key for t in targets[batch.problem[done]].values() if not solves.is_solved(t.key)))
-
-
-def _solved(plan: Plan, batch: Batch, targets: Sequence[Mapping[str, Target]], solves: Solves | None) -> Solved:
-    """Return the answers to the problems of a batch; without `solves` the surrogate's alone."""
-    surrogate = {model.name: surrogate_answers(batch.problems) for model in plan.fem if model.surrogate}
-    if solves is None:
-        return Solved(surrogate, (), {})
-    present = set(np.unique(batch.problem).tolist())
-
-    def of(name: str) -> list[Answer]:
-        return [
-            solves.answer(targets[k][name], problem) if k in present else IMPOSSIBLE
-            for k, problem in enumerate(batch.problems)
-        ]
-
-    def choice(target: Target) -> tuple[str, float]:
-        return (target.choice.name, target.choice.bound) if target.choice else ("", math.nan)
-
-    own = [kinds[plan.reference.name] for kinds in targets] if plan.reference else []
-    return Solved(
-        states=surrogate | {model.name: of(model.name) for model in plan.fem if not model.surrogate},
-        numbers=[solves.numbers.get(target.key, 0) for target in own],
-        chosen=[choice(target) for target in own] if plan.reference and plan.reference.tolerance else [],
-        others={name: of(name) for name in KINDS if name in plan.quantities},
-    )
+                problem = batch.problem[done]
+                solves.wait(next(of[problem] for of in found.values() if isinstance(of[problem], Place)))
+                found = solves.answers(batch, found)
 
 
 # A sweep as options and a study file ask for it
 
 
-def plan_of(source: str | None, options: Sweep, sets: Sequence[str] = ()) -> Plan:
-    """Return the study of a file, or of a design with axes, ready to run; options replace the study's values."""
+def plan_of(source: str | None, options: Sweep, sets: Sequence[str] = (), models: str | None = None) -> Plan:
+    """Return the study of a file, or of a design with axes, ready to run; options, and names of models that commas
+    part, replace the study's values."""
     study = _study(source, options)
     magnet = options.magnet or study.magnet or "rigid"
     design = study_input.study_design(study, sets, magnet=magnet)
@@ -204,12 +168,12 @@ def plan_of(source: str | None, options: Sweep, sets: Sequence[str] = ()) -> Pla
     _check_twice(names, options, sets, study)
     _check_laws(design, study.factors)
     load = _load(study, options)
-    fem, formulas = _models(options, study)
+    chosen = _models(options, models, study)
     asked = study.quantities if options.quantities is None else _parts(options.quantities)
     quantities = study_input.checked_quantities(asked)
     if study_input.needs_load(quantities) and not {"depth", "grip"} & {*map(study_input.field_of, names), *load}:
         raise BadInput("a sweep needs a depth: add --depth D in mm, or the axis depth=a,b,c")
-    return completed(Plan(design, study.factors, load, magnet, fem, formulas, quantities))
+    return completed(Plan(design, study.factors, load, magnet, chosen, quantities))
 
 
 def _parts(text: str) -> tuple[str, ...]:
@@ -272,8 +236,8 @@ def _load(study: study_input.Study, options: Sweep) -> dict[str, Value]:
     return load
 
 
-def _models(options: Sweep, study: study_input.Study) -> tuple[tuple[FemModel, ...], tuple[str, ...]]:
-    given = study.models if options.models is None else _parts(options.models)
+def _models(options: Sweep, models: str | None, study: study_input.Study) -> tuple[Model, ...]:
+    given = study.models if models is None else _parts(models)
     accuracy = options.accuracy or study.accuracy
     if given and accuracy:
         raise BadInput(
@@ -282,8 +246,9 @@ def _models(options: Sweep, study: study_input.Study) -> tuple[tuple[FemModel, .
     tolerance = user_input.parse_tolerance(options.tolerance) if options.tolerance else study.tolerance
     if tolerance is not None and accuracy:
         raise BadInput(f"a tolerance chooses the accuracy, which is given too ({accuracy}): leave one of them out")
-    given = given or (("paper",) if tolerance is not None else (accuracy or "standard", "paper"))
-    return models_of(given, tolerance)
+    if tolerance is not None:
+        return models_of([*(given or ("paper",)), Tolerance("chosen", tolerance)])
+    return models_of(given or (accuracy or "standard", "paper"))
 
 
 # What the screen shows
@@ -301,11 +266,10 @@ class Shown:
         self.count = self.unstable = self.doubtful = self.failed = self.beyond = 0
         # a case fails where finite elements of any accuracy do
         own = status_columns(plan)
-        solved = [own[model.name] for model in plan.fem if model.name in own and not model.surrogate]
-        self.statuses = ("status", *solved)
+        self.statuses = ("status", *(own[model.name] for model in plan.models if model.name in own and model.solves))
         self.rows: list[FlatRow] = []
         self.failures: list[FlatRow] = []
-        self.chosen: Counter[str] = Counter()
+        self.counts: dict[str, Counter[Any]] = {model.name: Counter() for model in plan.models}
 
     def add(self, batch: Columns) -> Iterator[FlatRow]:
         """Count the rows of a batch, and yield them."""
@@ -314,7 +278,8 @@ class Shown:
             self.unstable += row["status"] == "unstable"
             self.doubtful += row["status"] == "unknown"
             self.beyond += row["status"] == UNMET
-            self.chosen[row.get("chosen_model", "")] += 1
+            for model in self.plan.models:
+                self.counts[model.name][next((row[column] for column in model.columns), "")] += 1
             if any(row[name] not in ANSWERED for name in self.statuses):
                 self.failed += 1
                 self.failures += [row] if len(self.failures) < MOST_SHOWN else []
@@ -344,16 +309,10 @@ class Shown:
         return self.count > 0 and not (self.unstable or self.doubtful or self.failed)
 
     def remarks(self) -> list[str]:
-        """Return the models that a tolerance has chosen, and the reasons and numbers of failures."""
-        said, tolerance = list[str](), self.plan.reference.tolerance if self.plan.reference else None
-        if tolerance is not None:
-            names = (
-                ", ".join(f"{name} in {count}" for name, count in self.chosen.items() if name) or "no model in any"
-            )
-            why = "each the cheapest model whose measured errors for that kind of load meet it"
-            said.append(f"tolerance {percent(tolerance)}: {names} of {self.count} cases, {why}")
-            if self.beyond:
-                said.append(f"{self.beyond} cases are not known to meet the tolerance: take a smaller one")
+        """Return what the models say of the cases, and the reasons and numbers of failures."""
+        said = [text for each in self.plan.models for text in each.remarks(self.counts[each.name], self.count)]
+        if self.beyond:
+            said.append(f"{self.beyond} cases are not known to meet the tolerance, even at the finest accuracy")
         reasons = console.remarks(self.failures, self.case, self.rows)
         said += reasons[:MOST_LISTED]
         if more := len(reasons) - MOST_LISTED:
@@ -380,7 +339,9 @@ def table(rows: Sequence[FlatRow], title: str, case: Sequence[str] = CASE) -> Ta
         key for key in rows[0] if key.endswith("_status") and any(row[key] != row["status"] for row in rows)
     )
     varying = [key for key in case if len({row.get(key) for row in rows}) > 1]
-    first = ("status", *varying, f"fem_{results[0]}", f"analytic_{results[0]}", errors[0])
+    alone = [key for kind in kinds() if kind.head and (key := f"{kind.head}_{results[0]}") in rows[0]]
+    answers = alone or [key for key in rows[0] if key.endswith(f"_{results[0]}")][:1]
+    first = ("status", *varying, *answers, errors[0])
     brief = [key for key in rows[0] if key not in keys]
     return Table(title=title, rows=rows, brief=brief, first=first)
 
@@ -398,7 +359,8 @@ def _main_columns(row: FlatRow, case: Sequence[str]) -> tuple[str, ...]:
     own = [part.column for each in QUANTITIES.values() if each.of_states for part in each.parts]
     others += [key for column in own for key in row if key.endswith(f"_{column}")]
     judged = [key for error in errors for key in row if key.endswith(error)]
-    return (*case, *answers, *judged, *others, "fem_tilt_rad", "chosen_model", "status")
+    said = [column for kind in kinds() for column, none in kind.columns.items() if isinstance(none, str)]
+    return (*case, *answers, *judged, *others, "fem_tilt_rad", *said, "status")
 
 
 def idle_axes(shown: Shown, *, whole: bool) -> list[tuple[str, str]]:

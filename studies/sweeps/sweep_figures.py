@@ -106,7 +106,7 @@ def answers(table: pd.DataFrame, axes: Sequence[str], study: SweepColumns, quant
         failed, doubted = _verdicts(table, study, model)
         value = table[column].where(~failed)
         # a formula knows no stability
-        opened = doubted & value.notna() & (not study.is_formula(model))
+        opened = doubted & value.notna() & study.kind(model).states_errors
         parts.append(_part(table, axes, study.title(model), value, failed).assign(open=opened))
     return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame({"model": [], "value": []})
 

@@ -67,7 +67,7 @@ def plan_of(study: Path) -> Plan:
     """Return the plan of a study file; BadInput if it lacks a model or an axis."""
     plan = sweep.plan_of(str(study), Sweep())
     why, allowed = "", (*CELL, *WITH_HEIGHT)
-    if len(plan.fem) != 1 or not set(beam.LEVELS) <= set(plan.formulas):
+    if sum(model.states_errors for model in plan.models) != 1 or not set(beam.LEVELS) <= set(plan.levels):
         why = f"must have one finite-element model and all levels of the formulas ({', '.join(beam.LEVELS)}): "
         why += "change its models"
     elif other := ", ".join(name for name in plan.axes if name not in allowed):
