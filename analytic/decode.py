@@ -18,12 +18,12 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analytic.hall import Mode, rails
+from analytic.hall import Mode, at_rail, rails
 from analytic.inverse import pose_search, response_surface
 from analytic.inverse.forward_model import CENTRED, NO_TILT, Forward, Mount, model, rotation
 from analytic.inverse.pose_search import Goal, StartTable
 from analytic.inverse.response_surface import Mechanics
-from analytic.parts import Element
+from analytic.parts import Element, of_design
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
 
@@ -33,6 +33,9 @@ Status = (
 """`out_of_range` is that of a regression, which knows no pose."""
 Limit = Literal["depth", "shear", "workspace"]
 """Limit that a pose exceeds: the depth or the shear of the mechanics' samples, or the workspace of the design."""
+
+SATURATED = 1e6
+"""Stands for a mixture of readings of which one is at a rail, T: far beyond any field."""
 
 CELLS = (24, 24, 12)
 """Number of the table's cells along x, y and z: half as many along z, because the workspace is half as high."""
@@ -99,6 +102,7 @@ def decoder(
     cells: tuple[int, int, int] = CELLS,
     deviation: ArrayLike = 0.0,
     mount: Mount = CENTRED,
+    reject_ambient: bool = False,
 ) -> Decoder:
     """Build a decoder, which takes some tenths of a second.
 
@@ -113,6 +117,8 @@ def decoder(
     deviation : standard deviation of each reading over built sensors within their tolerances, shape (k,), T; default:
         the sensor is the design, exactly. Only more than three readings leave a residual that is compared with it.
     mount : as in `analytic.inverse.forward_model.model`.
+    reject_ambient : take a uniform ambient field for three more unknowns: poses and loads are then those of the
+        readings less what any such field would explain (`ambient_free`). It needs six readings or more.
 
     Raises
     ------
@@ -121,7 +127,8 @@ def decoder(
         is empty, or the field is not defined at a point of it.
     """
     tau = NO_TILT if law is None or ignore_tilt else law.tilt
-    forward = model(design, tau, elements=elements, mode=mode, mount=mount)
+    mix = ambient_free(of_design(design) if elements is None else elements) if reject_ambient else None
+    forward = model(design, tau, elements=elements, mode=mode, mount=mount, mix=mix)
     low, high = response_surface.workspace(design, law) if workspace is None else map(np.asarray, workspace)
     if low.shape != (3,) or high.shape != (3,) or not (np.isfinite(high - low) & (low < high)).all():
         raise BadInput("the workspace must have a positive size along x, y and z, in mm: raise its reach or its sink")
@@ -130,6 +137,11 @@ def decoder(
     pad, edge = 0.01 * (high - low), 1e-7 * design.D
     table, span = pose_search.start_table(forward, low - pad, high + pad, cells)
     sigma = np.array([element.noise_T for element in forward.elements])
+    if mix is not None:
+        sigma, deviation = (
+            np.sqrt(mix**2 @ sigma**2),
+            np.sqrt(mix**2 @ np.square(np.broadcast_to(deviation, len(sigma)))),
+        )
     explained = np.hypot(sigma, deviation)
     cell = (high - low + 2 * pad) / cells
     goal = Goal(
@@ -143,7 +155,7 @@ def decoder(
         # nearly all poses lie within one diagonal of a cell from their start
         reach=2.5 * float(np.linalg.norm(cell)),
         D=design.D,
-        rails=rails(forward.elements),
+        rails=rails(forward.elements) if mix is None else np.tile([-SATURATED / 2, SATURATED / 2], (len(mix), 1)),
     )
     return Decoder(forward, law, low, high, table, goal, sigma)
 
@@ -169,7 +181,7 @@ def decode(coder: Decoder, readings: ArrayLike, *, near: ArrayLike | None = None
     BadInput
         The readings have a wrong shape.
     """
-    rows, count = rows_of(coder, readings), len(coder.forward.elements)
+    rows, count = mixed(coder, rows_of(coder, readings)), coder.forward.count
     last = np.zeros(3) if near is None else np.asarray(near, float)
     status: list[Status] = []
     poses, multiplicity = [np.empty((0, 3))], np.zeros(len(rows), dtype=np.int64)
@@ -217,6 +229,39 @@ def rows_of(coder: Decoder, readings: ArrayLike) -> Array:
     if rows.ndim != 2 or rows.shape[1] != count:
         raise BadInput(f"readings must have shape (n, {count}), a column for each element; got {rows.shape}")
     return rows
+
+
+def ambient_free(elements: Sequence[Element]) -> Array:
+    """Return weights (k - 3, k) of readings of k elements that no uniform field changes.
+
+    With the directions N (k, 3) of the elements and the standard deviations S of their noise, they are an orthonormal
+    basis of the complement of S^-1 N, over S and times the mean deviation: least squares with these weights is that
+    over pose and field together, and the noise of all combinations is alike and independent.
+
+    Raises
+    ------
+    BadInput
+        There are fewer than six readings, or their directions lie in a plane.
+    """
+    normals = np.array([element.direction for element in elements])
+    noise = np.array([element.noise_T for element in elements])
+    weights = noise.mean() / noise if noise.all() else np.ones(len(elements))
+    if len(elements) < 6 or np.linalg.matrix_rank(normals) < 3:
+        raise BadInput(
+            f"an ambient field is three more unknowns, which {len(elements)} readings do not tell from a pose: take "
+            "two chips of three axes or more (chip_count)"
+        )
+    basis = np.linalg.svd(weights[:, None] * normals)[0][:, 3:]
+    return np.asarray(basis.T * weights)
+
+
+def mixed(coder: Decoder, rows: Array) -> Array:
+    """Return readings (n, k), T, as those of the decoder's model, (n, j); of a row at a rail all are `SATURATED`."""
+    if coder.forward.mix is None:
+        return rows
+    found = rows @ coder.forward.mix.T
+    found[at_rail(coder.forward.elements, rows.T).any(axis=0)] = SATURATED
+    return np.asarray(found)
 
 
 def nearest_of(poses: Array, near: Array) -> int:
@@ -280,7 +325,7 @@ def poses_outside(coder: Decoder, readings: Array) -> Array:
     # beyond the workspace the magnet may overlap an element, where its field can be undefined
     with contextlib.suppress(BadInput):
         table, _ = pose_search.start_table(coder.forward, low, high, CELLS)
-        for k, row in enumerate(readings):
+        for k, row in enumerate(mixed(coder, rows_of(coder, readings))):
             poses = pose_search.poses_of(row, coder.forward, table, goal)[1]
             far = np.maximum(np.maximum(coder.low - poses, poses - coder.high), 0.0).max(axis=1)
             if len(poses):

@@ -176,7 +176,28 @@ def test_files(run, tmp_path):
     assert "0.02 A m2" in (tmp_path / "DISTURB.md").read_text("utf-8")
 
 
+CHIPS = ("--set", "hall_layout=tle493d-w2b6", "--set", "chip_count=3", "--set", "chip_x=5")
+CHIPS += ("--set", "chip_noise=0.00005")
+
+
+def test_three_chips_reject_a_uniform_field_at_the_price_of_noise(run):
+    plain, rejected = record(run, *CHIPS), record(run, *CHIPS, "--reject-ambient")
+    assert row(rejected, "uniform field")["tared_N"] < 1e-6 < 0.1 < row(plain, "uniform field")["tared_N"]
+    assert 1.0 < rejected["noise_factor"] < 3.0
+
+
+def test_decode_rejects_a_uniform_field(run):
+    read = run("readings", "paper", *CHIPS, "--shift=0.3,0.1,-0.8", "--ambient", "5e-4,-3e-4,4e-4", "--json")
+    readings = ",".join(map(str, json.loads(read[1])["readings_T"]))
+    words = ("decode", "paper", *CHIPS, f"--readings={readings}", "--json", "--ignore-tilt")
+    with_field, without = (json.loads(run(*words, *more)[1]) for more in ((), ("--reject-ambient",)))
+    assert without["status"] in ("ok", "uncalibrated")
+    assert without["shift_mm"] == pytest.approx([0.3, 0.1, -0.8], abs=1e-3)
+    assert with_field["status"] == "inconsistent"
+
+
 REFUSALS = {
+    "--reject-ambient": "which 3 readings do not tell from a pose: take two chips of three axes or more (chip_count)",
     "--iron up=3": "--iron takes below, beside, front and a distance, such as below=10; got 'up=3'",
     "--iron below=1": "--iron below must lie farther than",
     "--ball 4,5,0,4": "overlaps the beam",

@@ -199,6 +199,9 @@ def decode(
         raise BadInput(f"{'--zero' if call.out is None else '--out'} works with --file only: leave it out")
     if decoding.temperature is not None and decoding.calibration is None:
         raise BadInput("--temperature works with --calibration only: leave it out")
+    others = {"--zero": decoding.zero, "--calibration": decoding.calibration, "--mcap": mcap}
+    if decoding.reject_ambient and (given := [name for name, value in others.items() if value is not None]):
+        raise BadInput(f"--reject-ambient does not work with {given[0]} yet: leave one of them out")
     atomic_files.check_apart([call.out, mcap], [call.source, file, decoding.responses, decoding.calibration])
     design = call.design()
     if mcap is not None:
@@ -213,7 +216,9 @@ def decode(
             return show(calibration_file.decode(design, decoding, call.out, as_json=call.as_json), here)
     made = parse_tolerances(decoding.tolerances or [], design, call.source)
     source = mechanics_sources.source_of(design, decoding.level, decoding.responses)
-    coder = decode_readings.prepare(design, source, ignore_tilt=decoding.ignore_tilt)
+    coder = decode_readings.prepare(
+        design, source, ignore_tilt=decoding.ignore_tilt, reject_ambient=decoding.reject_ambient
+    )
     if readings is not None:
         answer, field, found = decode_readings.decode_text(coder, readings, decoding, source)
         checked = decode_tolerances.check(coder, field, found, made)

@@ -99,6 +99,13 @@ States = Annotated[
         "design, which are solved the first time and stay in the store."
     ),
 ]
+Rejecting = Annotated[
+    bool,
+    Parameter(
+        help="Take a uniform ambient field for three more unknowns, so that it does not count as a force; needs two "
+        "chips of three axes or more."
+    ),
+]
 Untilted = Annotated[bool, Parameter(help="Assume that the magnet does not tilt.")]
 Mode = Annotated[
     Literal["component", "magnitude"],
@@ -334,6 +341,7 @@ class Decoding:
     that these tolerances may cause at rest has the status uncalibrated."""
     calibration: Calibration | None = None
     temperature: Temperature | None = None
+    reject_ambient: Rejecting = False
 
 
 @_options
@@ -357,6 +365,7 @@ class Disturbing:
     """Relative permeability of iron: about 1000 for mild steel; above 100 it hardly matters."""
     warming: float = 10.0
     """Change of the temperature, K."""
+    reject_ambient: Rejecting = False
     level: LoadSource | None = None
     responses: Responses | None = None
 

@@ -138,10 +138,10 @@ class Source:
         return [f"level {self.name}: {self.reason}"] * self.chosen
 
 
-def prepare(design: Design, source: Source, *, ignore_tilt: bool = False) -> Decoder:
+def prepare(design: Design, source: Source, *, ignore_tilt: bool = False, reject_ambient: bool = False) -> Decoder:
     """Return the decoder of a design with the mechanics of a source."""
     warn_if_upright(source.law, ignore_tilt=ignore_tilt)
-    return decoder(design, source.law, ignore_tilt=ignore_tilt)
+    return decoder(design, source.law, ignore_tilt=ignore_tilt, reject_ambient=reject_ambient)
 
 
 def warn_if_upright(law: Mechanics | None, *, ignore_tilt: bool) -> None:

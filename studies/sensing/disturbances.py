@@ -25,7 +25,7 @@ from analytic import surroundings
 from analytic.decode import Decoder, decode, decoder
 from analytic.hall import means_over_plates, plates_of
 from analytic.inverse import response_surface
-from analytic.inverse.forward_model import readings_at, rotation
+from analytic.inverse.forward_model import Forward, model, readings_at, rotation
 from analytic.surroundings import IronPiece, IronPlane, Neighbour, Poses, Surroundings
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
@@ -74,10 +74,15 @@ class Disturbance:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Loads:
-    """The loads at which errors are taken, rest first: forces (n, 3), N, and the poses under them."""
+    """The loads at which errors are taken, rest first: forces (n, 3), N, poses under them, and what reads these."""
 
     force: Array
     poses: Poses
+    sensor: Forward
+
+    def readings(self, shift: Array) -> Array:
+        """Return the readings (n, k), T, of the elements at shifts (3, n), mm."""
+        return readings_at(self.sensor, shift).T
 
 
 def run(
@@ -93,7 +98,7 @@ def run(
     needed : what the design states as required; else the range is that of a press of 3 D/8 with a shear of D/8.
     """
     chosen, source = disturbances(design, options), mechanics()
-    coder = decoder(design, source.law)
+    coder = decoder(design, source.law, reject_ambient=options.reject_ambient)
     loads, full, words = loads_of(coder, needed)
     rows = []
     for k, one in enumerate(chosen):
@@ -104,6 +109,8 @@ def run(
     far = {field: surroundings.reach(design, field * 1e-3) for field in (0.5, 0.1)}
     record = {
         "mechanics": source.name,
+        "rejects_ambient": options.reject_ambient,
+        "noise_factor": _price(coder, design, loads) if options.reject_ambient else 1.0,
         "full_scale_N": full,
         "full_scale": words,
         "loads": len(loads.force),
@@ -127,6 +134,8 @@ def run(
             Table(title="Disturbances", rows=rows, brief=brief),
             Table(title=f"Warmer by {options.warming:g} K", rows=warmed, brief=brief),
             f"Percentages are of {full:.3g} N, {words}. {outside}",
+            *[f"--reject-ambient costs {record['noise_factor']:.3g} times the noise of the force."]
+            * options.reject_ambient,
         ],
         tables={"disturbances": rows, "warming": warmed},
         pages={"DISTURB.md": page},
@@ -156,7 +165,7 @@ def loads_of(coder: Decoder, needed: Requirements | None) -> tuple[Loads, float,
             f"the mechanics reach no load of the range up to {full:.3g} N: take others by --level, or require less"
         )
     force = np.column_stack([tangential * np.cos(turn), tangential * np.sin(turn), normal])
-    return Loads(force[known], _poses(coder, shift[:, known])), full, words
+    return Loads(force[known], _poses(coder, shift[:, known]), model(design, coder.forward.tau)), full, words
 
 
 def _shifts(coder: Decoder, normal: Array, tangential: Array, turn: Array) -> Array:
@@ -174,6 +183,13 @@ def _poses(coder: Decoder, shift: Array) -> Poses:
     assert law is not None
     depth = response_surface.force_and_load(law, shift, contact=False)[1][0]
     return Poses(shift.T, rotation(coder.forward.tau, shift).T, np.maximum(depth, 0.0))
+
+
+def _price(coder: Decoder, design: Design, loads: Loads) -> float:
+    """Return by which factor a rejected field makes the noise of the force larger: the median over loads and axes."""
+    plain, readings = decoder(design, coder.mechanics), loads.readings(loads.poses.shift.T)
+    ratio = decode(coder, readings).noise_N / decode(plain, readings).noise_N
+    return float(np.nanmedian(ratio)) if np.isfinite(ratio).any() else math.nan
 
 
 def _usual_forces(coder: Decoder) -> tuple[float, float]:
@@ -209,7 +225,7 @@ def _row(coder: Decoder, one: Disturbance, loads: Loads, full: float) -> FlatRow
         "size": one.words,
         "change_mT": 1e3 * float(np.nanmax(np.abs(changes))),
     }
-    free = readings_at(coder.forward, poses.shift.T).T
+    free = loads.readings(poses.shift.T)
     return (
         found
         | _errors(coder, "error", free + changes, loads, full)
@@ -249,7 +265,8 @@ def warming(coder: Decoder, loads: Loads, kelvin: float, full: float) -> list[Fl
     warm = replace(design, temperature=design.temperature + kelvin)
     magnet, stiff = warm.remanence_now / design.remanence_now, warm.E_now / design.E_now
     three = design.hall_layout == "three"
-    drift = design.hall_gain_drift if three else 100 * abs(design.chip.gain_drift or 0.0)
+    # the drift of a chip may be unknown, and so are its errors then
+    drift = design.hall_gain_drift if three else 100 * abs(design.chip.gain_drift or math.nan)
     gain, rise = 1 + drift / 100 * kelvin, SILICONE_EXPANSION * kelvin * design.H
     free = loads.poses.shift.T
     turn = np.arctan2(loads.force[:, 1], loads.force[:, 0])
@@ -257,17 +274,18 @@ def warming(coder: Decoder, loads: Loads, kelvin: float, full: float) -> list[Fl
     # a press at the end of what is known may lie beyond it now
     softer = np.where(np.isfinite(softer), softer, free)
     lift = np.array([[0.0], [0.0], [rise]])
-    told = f"gain of the elements ({drift:g} %/K{'' if three else ', a bound to either side'})"
+    known = "no data sheet states its drift" if math.isnan(drift) else f"{drift:g} %/K"
+    told = f"gain of the elements ({known}{'' if three or math.isnan(drift) else ', a bound to either side'})"
     causes = {
         f"remanence ({design.remanence_drift:g} %/K)": (free, magnet),
         told: (free, gain),
         f"modulus ({100 * (stiff - 1) / kelvin:.2g} %/K)": (softer, 1.0),
         f"expansion of the silicone ({SILICONE_EXPANSION:g} /K)": (free + lift, 1.0),
-        "all": (softer + lift, magnet * gain),
+        "all that is known": (softer + lift, magnet * (1.0 if math.isnan(gain) else gain)),
     }
-    rest, rows = readings_at(coder.forward, free[:, :1]).T, []
+    rest, rows = loads.readings(free[:, :1]), []
     for name, (shift, factor) in causes.items():
-        readings = factor * readings_at(coder.forward, shift).T
+        readings = factor * loads.readings(shift)
         found = _errors(coder, "error", readings, loads, full)
         found |= _errors(coder, "tared", readings - readings[:1] + rest, loads, full)
         per_kelvin = {f"{key}_per_K": found[key] / abs(kelvin) for key in ("error_N", "tared_N")}

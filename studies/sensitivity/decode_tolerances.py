@@ -89,7 +89,8 @@ class AtRest:
         design = coder.forward.design
         self.made, self.nominal = made_sensors(design, sizes, SENSORS), nominal_sensor(design)
         self._rest, deviations = _read(self.nominal, self.made, np.zeros(3), np.zeros(2))
-        deviations = deviations + np.random.default_rng(0).normal(0.0, coder.sigma, deviations.shape)
+        noise = [element.noise_T for element in coder.forward.elements]
+        deviations = deviations + np.random.default_rng(0).normal(0.0, noise, deviations.shape)
         for element, spread in zip(coder.forward.elements, np.ptp(deviations, axis=0).tolist(), strict=True):
             if not spread > 0:
                 raise BadInput(
