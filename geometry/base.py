@@ -145,7 +145,7 @@ def plan(design: Design, base: Base, process: str = "fdm") -> Plan:
                 f"l0 sets the thickness of a chip's base, here {thickness:.4g} mm; got {base.thickness:g} mm: "
                 "leave thickness out"
             )
-        seats = hall_elements.chip_seats(design, where, fit, thickness)
+        seats = hall_elements.chip_seats(design, fit, thickness)
     # two common layers of filament printing are enough to feel the rim of a recess
     recess = (0.4 if base.is_round else 0.0) if base.recess is None else base.recess
     recess_radius = design.R + (PROCESSES[process].fit if base.recess_gap is None else base.recess_gap)

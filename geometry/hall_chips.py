@@ -15,8 +15,9 @@ CIRCLES: dict[int, tuple[tuple[float, float], ...]] = {
     1: ((1.0, 0.0),),
     2: ((1.0, 0.0), (-1.0, 0.0)),
     3: ((1.0, 0.0), (-0.5, math.sqrt(0.75)), (-0.5, -math.sqrt(0.75))),
+    4: ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)),
 }
-"""Places of one to three chips on a circle of radius 1 about the beam's axis."""
+"""Places of one to four chips on a circle of radius 1 about the beam's axis."""
 
 
 def least_radius(count: int, length: float, width: float) -> float:
@@ -54,6 +55,7 @@ class HallChip:
     range, step : full scale and one count, T.
     body : size along x and y with leads, and height over the board, mm.
     plate : height of the sensitive volume over the board, mm; it is taken as a point.
+    plate_at : its place along x and y from the middle of the body, mm.
     noise : rms of one value, T, at `rate` values of three axes a second; None if unknown.
     offset : largest output in zero field, T. gain_tolerance : largest relative error of the gain. None if unknown.
     gain_drift : change of the gain per K, of a figure of both signs the fall, which adds to the magnet's; None if
@@ -73,13 +75,22 @@ class HallChip:
     gain_tolerance: float | None = None
     gain_drift: float | None = None
     pads: Pads | None = None
+    plate_at: tuple[float, float] = (0.0, 0.0)
     source: str = ""
     assumed: tuple[str, ...] = ()
 
 
 def _chip(table: dict[str, Any]) -> HallChip:
     pads = {"pads": Pads(**table["pads"])} if "pads" in table else {}
-    return HallChip(**{**table, **pads, "body": tuple(table["body"]), "assumed": tuple(table["assumed"])})
+    return HallChip(
+        **{
+            **table,
+            **pads,
+            "body": tuple(table["body"]),
+            "plate_at": tuple(table["plate_at"]),
+            "assumed": tuple(table["assumed"]),
+        }
+    )
 
 
 CHIPS = {

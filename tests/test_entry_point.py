@@ -69,7 +69,7 @@ BAD = [
     ("explore paper --export page.html --port 8000", "--port has no meaning"),
     ("validate verify --quick --out ''", "--out is empty: give it a value, or leave it out"),
     ("verify --quick", "verify is a study of validation: type magtip validate verify"),
-    ("--depth 1", "Available commands: design, cad, mesh, catalogue"),
+    ("--depth 1", "Available commands: design, cad, board, mesh, catalogue"),
     ("friction --quick", "friction is a part of the study verify: type magtip validate verify friction"),
     ("validate trade", "trade is a part of the study errors: type magtip validate errors trade"),
     (
@@ -181,7 +181,14 @@ def test_a_negative_number_may_come_first(run, refusal, strict):
     assert "--shift" in refusal("readings", "paper", "--shift", "--tilt", "-0.1,0")
 
 
-NEEDED = {"cad": "--out a", "mesh": "--out a", "analytic": "--depth 1", "field": "--points a", "table": "--out a"}
+NEEDED = {
+    "cad": "--out a",
+    "board": "--out a",
+    "mesh": "--out a",
+    "analytic": "--depth 1",
+    "field": "--points a",
+    "table": "--out a",
+}
 NEEDED |= {"stream": "--port a", "firmware": "--out a", "size": "--out a", "sensitivity": "--depth 1"}
 
 
@@ -210,7 +217,7 @@ def test_what_is_set_in_vain_is_said(run):
 
 
 ORDER = """
-    Design: design cad mesh catalogue size
+    Design: design cad board mesh catalogue size
     Simulation: solve converge analytic stability modes compare response cycle fit
     Sensing: field readings bench calibrate decode stream firmware table layout disturb
     Exploration: sweep sensitivity demo report explore store

@@ -37,6 +37,7 @@ SHEETS = {
     "assembly.png",
     "board.dxf",
     "README.md",
+    "parts.csv",
 }
 
 
@@ -217,7 +218,7 @@ def test_json_and_a_base_that_has_no_place(run, refusal, tmp_path, strict):
     assert set(record["checks"][0]) == {field.name for field in dataclasses.fields(Check)}
     assert all(check["passed"] for check in record["checks"])
     written = {f"{name}.{ending}" for name in names for ending in ("step", "stl", "3mf")}
-    assert files_of(tmp_path / "parts") == written | {"README.md", "mold.step", "mold.svg"}
+    assert files_of(tmp_path / "parts") == written | {"README.md", "mold.step", "mold.svg", "parts.csv"}
     # who asks for a certain base gets it or a reason
     assert "l0 must be at least 9.1" in refusal("cad", "paper", "--out", "other", "--base", "screw=3", *options)
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 import io
 from typing import TYPE_CHECKING, Any
 
-from geometry.fabrication.hall_elements import SS495A, places
+from geometry.fabrication.hall_elements import SS495A, chip_centres, places
 
 if TYPE_CHECKING:
     from geometry.base import Plan
@@ -73,7 +73,7 @@ def pads(design: Design) -> list[tuple[float, float]]:
         along = [(k - (row.pins - 1) / 2) * row.pitch for k in range(row.pins)]
         return [
             (at[0] + x, at[1] + side * row.rows / 2)
-            for at in places(design).values()
+            for at in chip_centres(design).values()
             for side in (-1, 1)
             for x in along
         ]
@@ -104,9 +104,10 @@ def _leaded(space: Any, design: Design) -> None:
 
 def _chip(space: Any, design: Design) -> None:
     chip = design.chip
-    for x, y, _ in places(design).values():
+    for u, v, _ in places(design).values():
+        _circle(space, "HALL", u, v, 0.2)
+    for x, y in chip_centres(design).values():
         _rectangle(space, "HALL", x, y, chip.body[0], chip.body[1])
-        _circle(space, "HALL", x, y, 0.2)
         if chip.pads:
             _text(space, "1", x - chip.body[0] / 2 - LETTER, y - chip.pads.rows / 2 - LETTER / 2)
     for x, y in pads(design):

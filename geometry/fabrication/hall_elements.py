@@ -93,6 +93,12 @@ def places(design: Design) -> dict[str, Vector]:
     return {f"{layout} {k}" if count > 1 else layout: place for k, place in enumerate(at[::3], 1)}
 
 
+def chip_centres(design: Design) -> dict[str, tuple[float, float]]:
+    """Return x and y of the middle of each chip's body, from which its sensitive volume may lie apart, mm."""
+    u, v = design.chip.plate_at
+    return {name: (x - u, y - v) for name, (x, y, _) in places(design).items()}
+
+
 def heights(design: Design) -> tuple[float, float]:
     """Return the highest z of all bodies, and the lowest z of all bodies and leads, in the sensor's frame, mm."""
     where = places(design)
@@ -114,7 +120,7 @@ def bodies(design: Design) -> dict[str, Solid]:
         (length, width, _), low = chip.body, design.H - design.l0 - chip.plate
         return {
             name: Block((x - length / 2, y - width / 2, low), chip.body).solid()
-            for name, (x, y, _) in places(design).items()
+            for name, (x, y) in chip_centres(design).items()
         }
     import build123d as bd
 
@@ -243,7 +249,7 @@ def swapped(block: Block) -> Block:
     return Block((y, x, z), (width, length, height))
 
 
-def chip_seats(design: Design, where: dict[str, Vector], fit: float, thickness: float) -> Seats:
+def chip_seats(design: Design, fit: float, thickness: float) -> Seats:
     """Return the pockets of 3-axis chips, open below.
 
     Raises
@@ -269,6 +275,7 @@ def chip_seats(design: Design, where: dict[str, Vector], fit: float, thickness: 
             f"pockets of {count} chips; got {design.chip_x:g} mm"
         )
     pockets = {
-        name: Block((x - a, y - b, -thickness), (2 * a, 2 * b, roof + thickness)) for name, (x, y, _) in where.items()
+        name: Block((x - a, y - b, -thickness), (2 * a, 2 * b, roof + thickness))
+        for name, (x, y) in chip_centres(design).items()
     }
     return Seats(pockets, {}, {})

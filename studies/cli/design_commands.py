@@ -1,4 +1,4 @@
-"""The verbs of designs and parts: design, cad, mesh, catalogue, size."""
+"""The verbs of designs and parts: design, cad, board, mesh, catalogue, size."""
 
 from __future__ import annotations
 
@@ -67,6 +67,34 @@ def cad(call: Call, *, out: Path, fabrication: Fabrication = Fabrication()) -> i
         return dataclasses.replace(found, failures=said) if lost else dataclasses.replace(found, remarks=said)
 
     return publish(study, call.screen)
+
+
+@verb("source sets wide as_json")
+def board(call: Call, *, out: Path, thickness: float = 1.6, fabrication: Fabrication = Fabrication()) -> int:
+    """Make the circuit board under the base: KiCad project, Gerber files, lists for order and assembly, picture.
+
+    The Hall parts are at the places of the design, with capacitors, pull-ups and a header. parts.csv lists all that
+    the whole sensor needs; start with BOARD.md in the folder.
+
+    Parameters
+    ----------
+    out
+        Output folder.
+    thickness
+        Thickness of the board, 0.8 or 1.6 mm.
+    """
+    from geometry import base
+    from studies.fabrication import board_files, circuit_board, sensor_solids
+    from studies.parts import catalogues
+
+    if fabrication.axis:
+        raise BadInput("board takes no --axis: make one board for each design")
+    design, here = call.design(), call.here(board_files.FILES)
+    mix = catalogues.mix_named(fabrication.silicone, design.silicone)
+    choices = sensor_solids.parse_fabrication_choices(fabrication, mix, user_input.fabrication_of(call.source))
+    plan = base.plan(design, choices.base, choices.mold.process)
+    made, title = circuit_board.board(design, plan, thickness), f"{Path(call.source).stem}: {design.hall_layout}"
+    return publish(lambda progress: board_files.study(design, choices, plan, made, title, progress), here)
 
 
 @verb("source sets as_json")

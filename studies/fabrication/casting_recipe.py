@@ -7,7 +7,9 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from analytic import hall
 from analytic import magnet as magnet_field
+from analytic.parts import element_names
 from geometry.base import Plan, screw_thread
 from geometry.cad import beam_volume
 from geometry.design import Design
@@ -171,6 +173,36 @@ def neighbours_push(design: Design, mold: Mold) -> tuple[float, float] | None:
     return force, force / magnet_field.weight(design)
 
 
+MOVED = 0.5
+"""Displacement of the magnet in the table of expected readings, mm."""
+
+
+def expected_readings(design: Design) -> FlatRow:
+    """Return what the elements read at rest, and with the magnet 0.5 mm lower, and 0.5 mm towards x and y.
+
+    unit : V, or mT of a chip. rows : name of an element and these four readings.
+    per_gap, per_shift : change of the first element's field by 0.1 mm of height, and of the difference of the next
+        two by 0.1 mm of the magnet towards x, percent of the first one at rest.
+    """
+    poses = [
+        (0.0, 0.0, 0.0),
+        (0.0, 0.0, -MOVED),
+        (MOVED, 0.0, 0.0),
+        (0.0, MOVED, 0.0),
+        (0.0, 0.0, -0.1),
+        (0.1, 0.0, 0.0),
+    ]
+    found = [hall.readings(design, shift=pose) for pose in poses]
+    names, units = element_names(design.hall_layout, int(design.chip_count))
+    values = [list(each.output) if units == "V" else [1e3 * value for value in each.output] for each in found]
+    rows = [(name, *(reading[k] for reading in values[:4])) for k, name in enumerate(names)]
+    fields = [each.B_T for each in found]
+    first = abs(fields[0][0])
+    aside = abs((fields[5][1] - fields[5][2]) - (fields[0][1] - fields[0][2]))
+    gap = 100 * abs(fields[4][0] - fields[0][0]) / first
+    return {"unit": "V" if units == "V" else "mT", "rows": rows, "per_gap": gap, "per_shift": 100 * aside / first}
+
+
 def size_sentence(size: FlatRow) -> str:
     """State the outer size of the assembled sensor in a sentence, or that of the beam if there is no base."""
     beam, whole = (
@@ -219,6 +251,7 @@ def text(
         cup=CUP,
         margin=MARGIN,
         paper_cure=PAPER_CURE,
+        check=expected_readings(design) if plan and design.shape.has_magnet else None,
         pushed=neighbours_push(design, mold) if design.shape.has_magnet else None,
         pin=next(iter(board_drawing.pads(design)), None),
     )

@@ -12,7 +12,7 @@ from geometry import base, mold
 from geometry.bad_input import MeshError
 from geometry.design import Design
 from geometry.messages import Progress
-from studies.fabrication import casting_recipe, loaded_clearance
+from studies.fabrication import casting_recipe, loaded_clearance, parts_list
 from studies.fabrication.sensor_solids import (
     COLOURS,
     FabricatedSolids,
@@ -68,6 +68,7 @@ def build(
         A choice is impossible for this design, or the folder cannot be used.
     """
     from studies.fabrication import assembly_picture
+    from studies.output.table_files import write_table
 
     # impossible choices are refused before the folder is made and the CAD kernel is loaded
     mold.sizes(design, choices.mold)
@@ -103,6 +104,9 @@ def build(
             progress(0.8, "picture")
         row["warnings"] += [*_draw(stage, design, solids, draw), *left_over(folder, stage)]
         drawn = PICTURE if (stage / PICTURE).exists() else ""
+        volumes = {part["name"]: part["volume_mm3"] for part in row["parts"] if part["name"] in parts_list.PRINTED}
+        board = parts_list.board_of(design, solids.plan)
+        write_table(stage / parts_list.FILE, parts_list.rows(design, choices, solids.plan, volumes, board))
         page = casting_recipe.text(design, choices, row, solids.plan, drawn, command, gap)
         atomic_files.write_text(stage / RECIPE, page)
     return row
@@ -140,7 +144,18 @@ def _refuse_failed(checks: Sequence[Check]) -> None:
 def names() -> list[str]:
     """Return the names of all files that a folder may have, the recipe first."""
     parts = [f"{name}.{suffix}" for name in COLOURS for suffix in ("step", "stl", "3mf")]
-    return [RECIPE, *parts, "assembly.step", "mold.step", PICTURE, "sensor.svg", "base.svg", "mold.svg", BOARD]
+    return [
+        RECIPE,
+        *parts,
+        "assembly.step",
+        "mold.step",
+        PICTURE,
+        "sensor.svg",
+        "base.svg",
+        "mold.svg",
+        BOARD,
+        parts_list.FILE,
+    ]
 
 
 def left_over(folder: Path, stage: Path) -> list[str]:

@@ -17,6 +17,8 @@ from studies.inputs.option_groups import Fabrication
 if TYPE_CHECKING:
     from build123d import Solid
 
+    from studies.parts.catalogues import Mix
+
 COLOURS = {
     "beam": "wheat",
     "silicone": "wheat",
@@ -33,12 +35,6 @@ HALL_ELEMENT_COLOUR = "darkslategray"
 
 USUAL_FACETS, FINEST_FACETS = 2000, 100000
 """D over the facet tolerance: the default, and the greatest value, beyond which a part has millions of triangles."""
-
-
-Mix = Mapping[str, Any]
-"""What a recipe says of a silicone: its name, the ratio in which it is mixed with its source, its pot life, min,
-hours and temperature of a cure without an oven, °C, its density, kg/m³, least and largest modulus, MPa, their
-source, and which of these are assumed."""
 
 
 @dataclass(frozen=True, slots=True)

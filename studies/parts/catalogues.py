@@ -20,7 +20,6 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from geometry.bad_input import nearest
 from geometry.design import LEAST_WALL, BadInput, Design
 from geometry.hall_chips import AMBIENT, CHIPS, OWN, HallChip
-from studies.fabrication.sensor_solids import Mix
 from studies.parts.requirements import CATALOGUES, Requirements
 
 if TYPE_CHECKING:
@@ -33,6 +32,10 @@ SPRING_GAP, PRESS_GAP = 8 / math.pi**2 * 0.915965594177219, 1.15
 and 1.14 in the second cycle of the paper's sensor by finite elements, 1 and 2.4 mm deep."""
 
 
+Mix = Mapping[str, Any]
+"""What a recipe says of a silicone: its name, the ratio in which it is mixed with its source, its pot life, min,
+hours and temperature of a cure without an oven, °C, its density, kg/m³, least and largest modulus, MPa, their
+source, and which of these are assumed."""
 ASSUMED_LOSS = Design().loss_factor
 """Loss factor of a design that states none; of a silicone of unknown loss factor it says nothing."""
 

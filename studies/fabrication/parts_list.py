@@ -1,0 +1,180 @@
+"""The list to order from: everything that one casting of sensors needs, from magnet to release agent.
+
+Quantities follow from the design, the recipe and the board. A price stands here only with its date and source; there
+is none so far, and an empty cell is unknown.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING
+
+from geometry.base import Plan, screw_thread
+from geometry.design import BadInput, Design
+from geometry.mold import sizes
+from studies.fabrication import casting_recipe, circuit_board
+from studies.fabrication.sensor_solids import FabricationChoices
+from studies.output.records import FlatRow
+from studies.parts import catalogues
+
+if TYPE_CHECKING:
+    from studies.fabrication.circuit_board import Board
+
+FILE = "parts.csv"
+FILAMENT = 1.24e-3
+"""Density of PLA, g/mm³, the common figure of data sheets; parts are taken as solid, as the recipe asks for."""
+PRINT_TIME = (6.5, 17.0)
+"""Minutes for a cm³, layers of 0.1 mm, nozzle of 0.4 mm: six parts of 1 to 16 cm³ sliced by PrusaSlicer 2.5."""
+NUT = 2.0
+"""Length of a screw of the base beside plate and board: a nut and a washer, mm."""
+LENGTHS = (4, 5, 6, 8, 10, 12, 14, 16, 18, 20, 25, 30, 35, 40, 45, 50, 60, 70, 80)
+"""Usual lengths of screws, mm (ISO 888)."""
+SYRINGE = 10.0
+"""Volume of a syringe, mL."""
+PRICE = ("price_low", "price_high", "currency", "price_date", "price_source")
+PRINTED = ("base", "mold_a", "mold_b", "mold_b1", "mold_b2")
+
+
+def board_of(design: Design, plan: Plan | None) -> Board | None:
+    """Return the board of a design, without its ground; None if none can be drawn."""
+    try:
+        return circuit_board.wired(design, plan) if plan else None
+    except BadInput:
+        return None
+
+
+def printed_volumes(design: Design, choices: FabricationChoices) -> dict[str, float]:
+    """Return the volumes of the printed parts, mm³."""
+    from studies.fabrication.sensor_solids import make_solids
+
+    solids = make_solids(design, choices)
+    return {name: part.volume for name, part in (solids.sensor | solids.mold).items() if name in PRINTED}
+
+
+def rows(
+    design: Design,
+    choices: FabricationChoices,
+    plan: Plan | None,
+    volumes: Mapping[str, float],
+    board: Board | None = None,
+) -> list[FlatRow]:
+    """Return a row for each thing to order: group, item, quantity with its unit, for how many sensors, and a note.
+
+    Parameters
+    ----------
+    plan : of the base; None if there is none, and then no board and no Hall parts.
+    volumes : of the printed parts by their names, mm³.
+    board : None if no board can be drawn for the design, and then the Hall parts stand without it.
+    """
+    sensors = len(sizes(design, choices.mold).centres)
+    found = [
+        *_magnets(design, sensors),
+        *_silicone(design, choices),
+        *_board(design, plan, board, sensors),
+        *_screws(design, choices, plan, board, sensors),
+        *_prints(choices, volumes, sensors),
+        *_consumables(design, choices),
+    ]
+    return [row | {"for_sensors": sensors} | dict.fromkeys(PRICE) for row in found]
+
+
+def _row(group: str, item: str, quantity: float, unit: str = "piece", note: str = "") -> FlatRow:
+    return {"group": group, "item": item, "quantity": quantity, "unit": unit, "note": note}
+
+
+def _magnets(design: Design, sensors: int) -> Iterator[FlatRow]:
+    if not design.shape.has_magnet:
+        return
+    same = [
+        part
+        for part in catalogues.shipped_parts()[0]
+        if math.isclose(part.diameter, design.magnet_diameter) and math.isclose(part.height, design.magnet_height)
+    ]
+    grades = [part for part in same if part.remanence_low <= design.remanence <= part.remanence_high]
+    size = f"cylinder {design.magnet_diameter:g} x {design.magnet_height:g} mm, magnetised along its axis"
+    grade = " or ".join(part.grade for part in grades) or f"of a grade with {design.remanence:g} T"
+    tolerance = f", +-{same[0].tolerance:g} mm" if same else ""
+    pole = {"down": "base", "up": "tip"}[design.magnet_north]
+    note = f"remanence {design.remanence:g} T; mark the north pole, which points to the {pole}"
+    yield _row(
+        "magnet", f"{size}, {grade}{tolerance}", sensors, note=note if same else f"{note}; not in the catalogue"
+    )
+
+
+def _silicone(design: Design, choices: FabricationChoices) -> Iterator[FlatRow]:
+    mixes = casting_recipe.mixes_of(design, choices)
+    name = choices.silicone["name"] if choices.silicone else design.silicone or "silicone"
+    if any(mix["A_g"] is None for mix in mixes):
+        total = sum(mix["batches"] * mix["mix_g"] for mix in mixes)
+        yield _row("silicone", f"{name}, both parts", round(total, 2), "g", "ratio of the parts: see its data sheet")
+        return
+    for part in ("A", "B"):
+        total = sum(mix["batches"] * mix[f"{part}_g"] for mix in mixes)
+        batches = sum(mix["batches"] for mix in mixes)
+        yield _row("silicone", f"{name}, part {part}", round(total, 2), "g", f"{batches} batches of the recipe")
+
+
+def _board(design: Design, plan: Plan | None, board: Board | None, sensors: int) -> Iterator[FlatRow]:
+    if plan is None:
+        return
+    if board is None:
+        count = 3 if design.hall_layout == "three" else int(design.chip_count)
+        yield _row(
+            "electronics", f"Hall part {design.hall_layout}", count * sensors, note="no board: see magtip board"
+        )
+        return
+    yield _row("electronics", "circuit board, two layers: gerbers.zip", sensors, note="of magtip board")
+    counts: dict[str, int] = {}
+    for part in board.parts:
+        counts[part.order] = counts.get(part.order, 0) + sensors
+    yield from (_row("electronics", order, count) for order, count in counts.items())
+
+
+def _screws(
+    design: Design, choices: FabricationChoices, plan: Plan | None, board: Board | None, sensors: int
+) -> Iterator[FlatRow]:
+    if plan and plan.screw:
+        thick = board.thickness if board else max(circuit_board.THICKNESSES)
+        needed = plan.thickness + plan.recess + thick + NUT
+        length = next((each for each in LENGTHS if each >= needed), math.ceil(needed))
+        thread = f"M{screw_thread(plan.screw):g}"
+        note = "brass, nylon or titanium: steel changes the field"
+        yield _row("screws", f"{thread} x {length} mm", 4 * sensors, note=note)
+        yield _row("screws", f"nut {thread}", 4 * sensors, note=note)
+    recipe = casting_recipe.recipe_of(design, choices)
+    if pins := recipe["dowels"]:
+        yield _row("mould", f"dowel pin {pins['diameter_mm']:g} x {pins['length_mm']:g} mm", pins["count"])
+    if screws := recipe["screws"]:
+        yield _row("mould", f"screw {screws['thread']} x {screws['length_mm']:g} mm with nut", screws["count"])
+        yield _row("mould", f"washer {screws['thread']}", 2 * screws["count"])
+
+
+def _prints(choices: FabricationChoices, volumes: Mapping[str, float], sensors: int) -> Iterator[FlatRow]:
+    for name, volume in volumes.items():
+        count = sensors if name == "base" else 1
+        if choices.mold.process == "sla":
+            yield _row("print", f"{name} of resin", round(count * volume / 1e3, 2), "mL", "without supports")
+            continue
+        low, high = (count * volume / 1e3 * rate for rate in PRINT_TIME)
+        time = f"about {_rounded(low)} to {_rounded(high)} min: {PRINT_TIME[0]:g} to {PRINT_TIME[1]:g} min a cm³"
+        grams = round(count * volume * FILAMENT, 1)
+        yield _row("print", f"{name} of filament", grams, "g", f"solid PLA; {time} at layers of 0.1 mm")
+
+
+def _rounded(minutes: float) -> str:
+    return f"{max(5, 5 * round(minutes / 5)):g}"
+
+
+def _consumables(design: Design, choices: FabricationChoices) -> Iterator[FlatRow]:
+    mixes = casting_recipe.mixes_of(design, choices)
+    batches = sum(mix["batches"] for mix in mixes)
+    syringes = sum(mix["batches"] * math.ceil(mix["mix_mL"] / SYRINGE) for mix in mixes)
+    yield _row("consumables", f"syringe of {SYRINGE:g} mL with a blunt needle", syringes, note="one for each batch")
+    yield _row("consumables", "mixing cup of clean plastic, and a stick", batches)
+    yield _row("consumables", "release agent for silicone", 1)
+    if design.shape.has_magnet:
+        yield _row("consumables", "silane primer for platinum (addition-cure) silicone", 1, note="on the magnet")
+    yield _row("consumables", "silicone glue with its primer", 1, note="beam on base")
+    yield _row("consumables", "isopropanol and lint-free cloth", 1)
+    yield _row("consumables", "gloves of nitrile or vinyl", 1, "pair", "latex keeps platinum silicone from curing")
