@@ -49,7 +49,7 @@ def top(node):
     return {node.module.split(".")[0]}
 
 
-STUDIES = "output inputs beam mechanics models answers sensing sweeps cases simulation parts fabrication sensitivity"
+STUDIES = "output inputs parts beam mechanics models answers sensing sweeps cases simulation fabrication sensitivity"
 STUDIES = [
     "deferred_modules",
     "quantities",
