@@ -346,9 +346,9 @@ class Answers:
         """Return `gave_way` where a model's force along a shear is not known to oppose it, `unknown` where its error
         is, else `ok`, shape (n,).
         """
-        force, direction = self[reference, "force"], self.direction
-        along = np.full(len(self), NAN)
+        direction, along = self.direction, np.full(len(self), NAN)
         if direction is not None:
+            force = self[reference, "force"]
             along = direction[:, 0] * force[:, 1] + direction[:, 1] * force[:, 2]
         # a formula says exactly what it says
         error = self.estimate.get((reference, "sideways"), np.zeros(len(self)))

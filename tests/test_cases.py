@@ -23,7 +23,7 @@ from geometry.design import BadInput, paper
 from geometry.loads import Load
 from geometry.relaxation import relaxation_of
 from studies import cases
-from studies.answers import flat_rows
+from studies.answers import flat_rows, tidy
 from studies.beam import surrogate_response
 from studies.inputs.study_input import Factor, grid, problem
 from studies.mechanics.model import Problem
@@ -358,7 +358,9 @@ def test_what_cannot_be_asked_is_refused(ask, columns, options, reason):
 def test_a_critical_depth_needs_no_load_and_has_its_error(ask):
     """Quick finite elements of a slender beam against standard ones: the difference lies within both estimates."""
     slender = {"L_mm": [32.0], "l0_mm": [30.2]}
-    rows = [ask(slender, [f"fem:{level}"], quantities=["critical_depth"]).iloc[0] for level in ("quick", "standard")]
+    tables = [ask(slender, [f"fem:{level}"], quantities=["critical_depth"]) for level in ("quick", "standard")]
+    assert tidy(tables[0]).part.tolist() == ["critical_depth", "critical_force", "stable_to"]
+    rows = [table.iloc[0] for table in tables]
     quick, standard = (row["critical_depth_mm"] for row in rows)
     assert [row["status"] for row in rows] == ["ok", "ok"]
     assert abs(quick / standard - 1) < sum(row["critical_depth_error_estimate"] for row in rows) < 0.05

@@ -1,5 +1,5 @@
-"""What a change costs: in a copy of the product two fields, a model, a verb and a study of validation are added, each
-where it is declared and nowhere else; columns, JSON, headings, titles, controls and help follow."""
+"""What a change costs: in a copy of the product two fields, a quantity, a model, a verb and a study of validation are
+added, each where it is declared and nowhere else; columns, JSON, headings, titles, controls and help follow."""
 
 import json
 import os
@@ -12,7 +12,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("geometry", "analytic", "fem", "studies", "magtip")
-FIELDS = {
+DECLARED = {
     "geometry/design.py": (
         "\n    def __post_init__(self) -> None:\n        # a sweep",
         '    pad: float = quantity(1.0, "mm", 0.0, 9.0, "thickness of a pad", assumed=True, later=True)\n',
@@ -21,8 +21,12 @@ FIELDS = {
         "\n    def __post_init__(self) -> None:\n        for spec",
         '    lift: float = _of_load(0.0, "N", "dead force along z", low=0.0)\n',
     ),
+    "studies/quantities.py": (
+        '    Quantity("readings"',
+        '    Quantity("sag", (Part("sag", "mm", "sag of a pad"),), derive=lambda of: of["force_N"] / 2),\n',
+    ),
 }
-"""Files of the product, each with the text before which a field is declared, and its declaration."""
+"""Files of the product, each with the text before which something is declared, and its declaration."""
 VERB = '''
 
 @verb("source sets as_json")
@@ -93,7 +97,7 @@ def said(*words):
     return status, out.getvalue()
 
 cases = pd.DataFrame({"pad_mm": [1.0, 2.0], "lift_N": 0.5, "depth_mm": 0.5})
-answers = magtip.answer(cases, ["finite"], quantities=["force"])
+answers = magtip.answer(cases, ["finite"], quantities=["force", "sag"])
 sprung = magtip.answer(pd.DataFrame({"L_mm": [9.0, 12.0, 1.0], "depth_mm": 0.5}), ["finite", "spring"],
                        reference="spring", quantities=["force", "stiffness"])
 try:
@@ -102,13 +106,14 @@ except magtip.BadInput as error:
     unknown = str(error)
 refused = magtip.answer(cases.assign(pad_mm=[1.0, 10.0], lift_N=[-1.0, 0.5]), ["finite"], quantities=["force"])
 sweep = ("sweep", "paper", "--axis", "pad=1,2", "--axis", "lift=0,0.5", "--depth", "0.5", "--models", "finite,spring",
-         "--quantities", "force")
+         "--quantities", "force,sag")
 print("RESULT" + json.dumps({
     "answers": list(answers), "refused": list(refused.message),
     "chart": magtip.plot(answers, x="pad_mm", y="force_N").to_dict(),
     "loads": magtip.plot(answers.assign(lift_N=[0.0, 0.5]), x="lift_N", y="force_N").to_dict(),
     "json": said(*sweep, "--json"), "files": said(*sweep, "--out", "swept"), "help": said("sweep", "--help"),
     "tidy": magtip.tidy(sprung).to_dict("list"), "sprung": sprung.to_dict("list"), "unknown": unknown,
+    "sags": magtip.plot(answers, x="pad_mm", y="sag_mm").to_dict(), "parts": sorted(set(magtip.tidy(answers).part)),
     "models": magtip.plot(sprung.iloc[:2], x="L_mm", y="force_N").to_dict(),
     "values": said("design", "paper", "--set", "pad=2"),
     "controls": [field for field in explorer_fields(Design(pad=3.0)) if field["name"] == "pad"],
@@ -127,7 +132,7 @@ def copy(tmp_path_factory):
     for package in PACKAGES:
         # with what is compiled
         shutil.copytree(ROOT / package, folder / package, copy_function=os.symlink)
-    for name, (mark, line) in FIELDS.items():
+    for name, (mark, line) in DECLARED.items():
         text = (ROOT / name).read_text("utf-8")
         assert text.count(mark) == 1
         (folder / name).unlink()
@@ -197,6 +202,18 @@ def test_a_verb_is_a_function(copy):
     assert "Print the length of the beam." in found["verbs"][1]
     assert found["verb"][0] == 0
     assert json.loads(found["verb"][1])["length_mm"] == 11.0
+
+
+def test_a_derived_quantity_has_columns_headings_help_and_a_title(copy):
+    folder, found = copy
+    head = (folder / "swept" / "sweep.csv").read_text("utf-8").splitlines()[0].split(",")
+    assert {"analytic_sag_mm", "spring_sag_mm"} <= {*head}
+    last = json.loads(found["json"][1].splitlines()[-1])
+    assert last["spring_sag_mm"] == last["spring_force_N"] / 2
+    assert "sag" in found["files"][1].split()
+    assert "stiffness, sag, readings" in " ".join(found["help"][1].replace("│", " ").split())
+    assert "sag of a pad (mm)" in json.dumps(found["sags"])
+    assert found["parts"] == ["force", "sag"]
 
 
 def test_a_model_has_columns_status_and_errors_in_answers(copy):

@@ -121,7 +121,7 @@ class Tolerance(Model):
 
         choice, answer = until_met(
             first,
-            lambda choice: _model_of(choice).answers([problem], found)[0],
+            lambda choice: model_of(choice).answers([problem], found)[0],
             unmet,
             lambda choice, _: model_choice.finer(design, [load], choice, magnet),
         )
@@ -144,7 +144,7 @@ class Tolerance(Model):
         return [f"tolerance {percent(self.tolerance)}: {chosen} of {count} cases, {why}"]
 
 
-def _model_of(choice: Choice) -> Model:
+def model_of(choice: Choice) -> Model:
     """Return the model that is chosen."""
     if choice.model_kind == "formula":
         return Formula(choice.level_or_accuracy)

@@ -8,6 +8,7 @@ since the start of the path. `digest` and `made_for` label the sensor, so that a
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
 from geometry import design_digest
@@ -20,7 +21,7 @@ from studies.quantities import stored_parts
 if TYPE_CHECKING:
     from analytic.hall import Readings
     from fem.solution import Facts, Solution
-    from studies.beam.surrogate_response import Estimate
+    from studies.mechanics.path_solver import Answer
 
 FACTS = (
     "stop",
@@ -112,17 +113,26 @@ def solved_row(state: Solution, made_for: Fields) -> FlatRow:
     )
 
 
-def surrogate_row(load: Load, estimate: Estimate, model: str, made_for: Fields, seconds: float) -> FlatRow:
-    """Return the row of a state by the surrogate: its error estimates are the half widths of its 90 % intervals."""
+def answered_row(load: Load, answer: Answer, model: str, made_for: Fields, seconds: float) -> FlatRow:
+    """Return the row of an answer by a model that solves nothing; of the surrogate its error estimates are the half
+    widths of its 90 % intervals.
+    """
+    force = None if math.isnan(answer.error_estimate) else answer.error_estimate
+    estimates = {**answer.estimates, "force": force}
+    stored = {
+        part.column: part.scaled(answer.values[part.stored], answer.E, answer.D)
+        for part in stored_parts()
+        if part.stored in answer.values
+    }
     return state_row(
         load,
-        estimate.response,
+        answer.response,
         model,
         made_for,
-        message=estimate.message,
-        **{column: estimate.errors[name] for column, name in ERRORS.items()},
+        message=answer.message,
+        **{column: estimates.get(name) for column, name in ERRORS.items()},
         seconds=seconds,
-        largest_strain_percent=100 * estimate.strain,
+        **stored,
     )
 
 

@@ -16,8 +16,11 @@ from geometry.messages import Progress
 from studies.inputs.option_groups import Method, Wanted
 from studies.inputs.user_input import AccuracyName, parse_tolerance
 from studies.mechanics import model_choice
+from studies.mechanics.model import Problem
 from studies.mechanics.model_choice import UNMET, Choice, percent
-from studies.models.tolerance import until_met
+from studies.mechanics.path_solver import Answer
+from studies.mechanics.timed_quantities import STILL
+from studies.models.tolerance import model_of, until_met
 from studies.output import console
 from studies.output.records import FlatRow
 from studies.simulation import load_cases, state_rows
@@ -109,7 +112,7 @@ def solve(design: Design, loads: list[Load], method: Method, choice: Choice, **o
     """
     if choice.model_kind != "fem":
         for load in loads:
-            yield _unsolved_row(design, load, method.magnet, choice) | columns_of(choice)
+            yield _answered_row(design, load, method.magnet, choice) | columns_of(choice)
         return
 
     def rows_by(choice: Choice) -> list[FlatRow]:
@@ -156,17 +159,13 @@ def checked(row: FlatRow, force: Sequence[float] | None, design: Design, load: L
     return row | {"status": UNMET, "message": "; ".join(filter(None, (row["message"], reason)))} if reason else row
 
 
-def _unsolved_row(design: Design, load: Load, magnet: Magnet, choice: Choice) -> FlatRow:
-    from analytic import beam
-    from studies.beam import surrogate_response
-
+def _answered_row(design: Design, load: Load, magnet: Magnet, choice: Choice) -> FlatRow:
+    """Return the row of a state by a model that solves nothing."""
     begin = time.perf_counter()
+    (answer,) = model_of(choice).answers([Problem(design, load, magnet, "", STILL)], lambda _: None)
+    assert isinstance(answer, Answer)
     made_for = design_digest.of_mechanics(design, magnet)
-    if choice.model_kind == "formula":
-        response = beam.solve(design, load, choice.level_or_accuracy)
-        return state_rows.state_row(load, response, choice.name, made_for, seconds=time.perf_counter() - begin)
-    estimate = surrogate_response.respond(design, load, magnet)
-    return state_rows.surrogate_row(load, estimate, choice.name, made_for, time.perf_counter() - begin)
+    return state_rows.answered_row(load, answer, choice.name, made_for, time.perf_counter() - begin)
 
 
 def choose_accuracy(design: Design, paths: Sequence[Sequence[Load]], text: str) -> Choice:
