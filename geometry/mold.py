@@ -7,6 +7,7 @@ pocket for it.
 
 The first pour fills the cavity of the closed mould. Then A is lifted off, the magnet is put into the pocket, and the
 second pour covers it up to B's rim. A mould of several cavities has columns x rows of them in one B under one A.
+Screws through lugs of A and B hold A down. Screws through ears across the split clamp the halves of a split B.
 
 Shrinkage of the silicone enlarges cavity and pin by 1/(1 - shrink), but not the fit of A on B.
 """
@@ -15,6 +16,7 @@ import itertools
 import math
 from dataclasses import dataclass
 
+from geometry.arrays import Point
 from geometry.bad_input import check_ranges, nearest, quantity
 from geometry.cad import Corner, beam_volume, magnet_volume, turned_volume
 from geometry.design import LEAST_WALL, BadInput, Design
@@ -24,10 +26,33 @@ LARGEST_VENT = 0.8
 """Largest diameter of a vent, as a fraction of the annulus between pin and cavity wall."""
 
 BOLT, BOLT_HOLE, WASHER = 3.0, 3.4, 7.0
-"""Screws that clamp the halves, mm: thread M3, its clearance hole (ISO 273, medium), and diameter of a washer."""
+"""Screws that clamp the mould, mm: thread M3, its clearance hole (ISO 273, medium), and diameter of a washer."""
+
+HEAD, HEAD_HOLE = 5.5, 6.0
+"""Diameter of the head of a countersunk screw M3 (ISO 2009), whose cone of 90° prints without support, and of the hole
+in which it goes up into a lug, mm."""
+
+NUT = 3.5
+"""Height of a nut M3, a washer and a turn of thread, mm."""
+
+SCREWS = (10, 12, 16, 20, 25, 30, 35, 40, 45, 50, 60, 70, 80, 90, 100)
+"""Lengths of screws, mm (ISO 2009, ISO 4762)."""
 
 EAR_DEPTH, EAR_WALL = 5.0, 2.0
 """Thickness of an ear of one half along y, and least wall around its holes, mm."""
+
+SPACING = 40.0
+"""Largest distance of neighbouring screws along the split and along a side of the mould, mm, where cavities are not
+wider than that."""
+
+STATION = WASHER + 1.0
+"""Width of a gap in the row of cavities of a split B, where screws clamp the halves, mm."""
+
+SEAT, LUG_WALL, LUG_GAP = 3.0, 1.5, 0.5
+"""Height of a lug over the head of its screw, wall around its holes, and gap between the lug of B and A's skirt, mm."""
+
+LUG = HEAD_HOLE / 2 + LUG_WALL
+"""Half the width of a lug, mm."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -97,6 +122,25 @@ class Mold:
 
 
 @dataclass(frozen=True, slots=True)
+class Lug:
+    """A place on the outline where A and B are screwed together.
+
+    Attributes
+    ----------
+    root : (x, y) of the next point of the rectangle of the axes, mm.
+    outwards : unit vector normal to the outline.
+    """
+
+    root: Point
+    outwards: Point
+
+    def at(self, distance: float) -> Point:
+        """Return the point (x, y) at a distance from the rectangle of the axes, mm."""
+        (x, y), (u, v) = self.root, self.outwards
+        return x + distance * u, y + distance * v
+
+
+@dataclass(frozen=True, slots=True)
 class Ears:
     """The ears of a split B at x > 0, mm; those at x < 0 mirror them. Each lies on both sides of the split, y = 0.
 
@@ -107,6 +151,8 @@ class Ears:
     start, inner, end : x of its end inside B's wall, of its face beside A's skirt, and of its outer end.
     web : z of the ear's top between `start` and `inner`.
     bolt_x, bolt_z, pin_x : places of the holes; that of the pin is at half the height.
+    stations : x of the middle of each gap in the row, where the halves are as thick as in the ears and have the same
+        screws.
     """
 
     start: float
@@ -116,6 +162,7 @@ class Ears:
     bolt_x: float
     bolt_z: tuple[float, ...]
     pin_x: float
+    stations: tuple[float, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,6 +181,7 @@ class Sizes:
     vent_diameter, vent_ring : diameter of the vents, and radius of the circle of their centres.
     dowel, dowel_hole : diameter of the pins of a split B, and of their holes.
     ears : ears of a split B, one at each end of the split; None of an undivided one.
+    lugs : places where A and B are screwed together.
     centres : (x, y) of each cavity's axis.
     """
 
@@ -157,7 +205,19 @@ class Sizes:
     dowel: float
     dowel_hole: float
     ears: Ears | None
+    lugs: tuple[Lug, ...]
     centres: tuple[tuple[float, float], ...]
+
+    @property
+    def reach(self) -> Point:
+        """Distances of a lug's face beside A's skirt and of its screw from the rectangle of the axes, mm."""
+        inner = self.rim + LUG_GAP
+        return inner, inner + LUG
+
+    def screw(self, height: float) -> float:
+        """Return the length of the screws that clamp A or another part of this height onto B, mm."""
+        # the head lies where the cone of its seat is as wide as itself
+        return screw_length(SEAT + (HEAD - BOLT_HOLE) / 2 + height + NUT)
 
     @property
     def pin(self) -> list[Corner]:
@@ -169,6 +229,15 @@ class Sizes:
     def cavity(self) -> list[Corner]:
         """Profile of the cavity, from the base plane down to the tip."""
         return [(0, 0, 0), (self.R, 0, 0), (self.R, -self.L, self.R), (0, -self.L, 0)]
+
+
+def screw_length(least: float) -> float:
+    """Return the shortest length of `SCREWS` that is at least `least`, mm, or that beyond the longest one.
+
+    >>> screw_length(10.4), screw_length(123.4)
+    (12, 124)
+    """
+    return next((length for length in SCREWS if length >= least), math.ceil(least))
 
 
 def sizes(design: Design, mold: Mold) -> Sizes:
@@ -203,6 +272,10 @@ def sizes(design: Design, mold: Mold) -> Sizes:
     # half the fit of the process around a pin, as around an element in its seat
     hole = dowel + process.fit
     x, y = ([pitch * (k - (count - 1) / 2) for k in range(count)] for count in (mold.columns, mold.rows))
+    ears, lugs = None, _lugs(x[-1], y[-1], inner + wall)
+    if mold.split:
+        x, stations, lugs = _row(mold.columns, pitch, wall, inner + wall)
+        ears = _ears(x[-1], stations, outer, inner + wall, -free - floor, -skirt - mold.pry_gap, hole)
     return Sizes(
         R=R,
         L=L,
@@ -223,9 +296,8 @@ def sizes(design: Design, mold: Mold) -> Sizes:
         vent_ring=ring,
         dowel=dowel,
         dowel_hole=hole,
-        ears=_ears(pitch * (mold.columns - 1) / 2, outer, inner + wall, -free - floor, -skirt - mold.pry_gap, hole)
-        if mold.split
-        else None,
+        ears=ears,
+        lugs=lugs,
         centres=tuple(itertools.product(x, y)),
     )
 
@@ -255,9 +327,46 @@ def _dowel(mold: Mold, height: float) -> float:
     return dowel
 
 
-def _ears(far: float, outer: float, rim: float, bottom: float, web: float, hole: float) -> Ears:
+def _lugs(x: float, y: float, rim: float) -> tuple[Lug, ...]:
+    """Return the lugs of an undivided mould whose outermost axes lie at +-x and +-y, mm: one or more on the sides +-x,
+    and on the sides +-y where the mould is long."""
+    lugs = []
+    for half, (u, v), least in ((y, (1.0, 0.0), 1), (x, (0.0, 1.0), 2 * (x + rim) > SPACING)):
+        count = max(math.ceil(2 * half / SPACING), int(least))
+        for k, side in itertools.product(range(count), (1, -1)):
+            along = half * ((2 * k + 1) / count - 1)
+            root = (side * (x * u + 0.0) + along * v, side * (y * v + 0.0) + along * u)
+            lugs.append(Lug(root, (side * u, side * v)))
+    return tuple(lugs)
+
+
+def _row(columns: int, pitch: float, wall: float, rim: float) -> tuple[list[float], tuple[float, ...], tuple[Lug, ...]]:
+    """Return the axes of a split row of cavities along x, its stations and its lugs, two for each group of cavities.
+
+    The row has as few stations as leave no two neighbouring screws across the split more than `SPACING` apart; at
+    most one between all cavities.
+    """
+    wide, bolt = pitch + wall + STATION, rim + LUG_GAP + WASHER / 2
+    for count in range(1, columns + 1):
+        # groups of cavities that differ by one at most
+        groups = [columns // count + (k < columns % count) for k in range(count)]
+        spans = [pitch * (group - 1) for group in groups]
+        ends = [bolt, *[wide / 2] * (count - 1)]
+        apart = [start + span + end for start, span, end in zip(ends, spans, reversed(ends), strict=True)]
+        if max(apart) <= SPACING:
+            break
+    firsts = [sum(spans[:k]) + wide * k - (sum(spans) + wide * (count - 1)) / 2 for k in range(count)]
+    axes = [first + pitch * k for first, group in zip(firsts, groups, strict=True) for k in range(group)]
+    middles = [first + span / 2 for first, span in zip(firsts, spans, strict=True)]
+    lugs = tuple(Lug((middle, 0.0), (0.0, side)) for middle in middles for side in (1.0, -1.0))
+    return axes, tuple(first - wide / 2 for first in firsts[1:]), lugs
+
+
+def _ears(
+    far: float, stations: tuple[float, ...], outer: float, rim: float, bottom: float, web: float, hole: float
+) -> Ears:
     """Return the ears of a split B whose last cavity has its axis at x = `far`; lengths as in `Sizes`."""
-    inner = far + rim + 0.5
+    inner = far + rim + LUG_GAP
     bolt = inner + WASHER / 2
     pin = bolt + max(BOLT_HOLE, WASHER - hole) / 2 + EAR_WALL + hole / 2
     height = -bottom
@@ -270,6 +379,7 @@ def _ears(far: float, outer: float, rim: float, bottom: float, web: float, hole:
         bolt_x=bolt,
         bolt_z=tuple(bottom + height * (k + 0.5) / count for k in range(count)),
         pin_x=pin,
+        stations=stations,
     )
 
 

@@ -1,5 +1,6 @@
 """Parts of the mould against closed forms, its checks on wrong moulds, collisions and gaps with known answers."""
 
+import itertools
 import math
 
 import pytest
@@ -23,7 +24,7 @@ CASES = [
     (Design(**BARE), Mold(vents=3, vent_diameter=2)),
     (Design(magnet_edge_radius=0.5), Mold(process="sla", shrink=0.02, draft=2, tip_vent=1, pocket_gap=0.05)),
     (Design(), Mold(columns=3, rows=2, shrink=0.01, draft=1)),
-    (Design(**TALL), Mold(columns=2, split=1, tip_vent=0.8, marks=1)),
+    (Design(**TALL), Mold(columns=5, split=1, tip_vent=0.8, marks=1)),
     (Design(**FLAT), Mold()),
     (Design(**FLAT), Mold(process="sla", marks=1)),
 ]
@@ -94,6 +95,10 @@ WRONG = {
         {"overlap of A and B in the closed mould", "overlap while A leaves B"},
     ),
     "a thin wall": (lambda A, B: (A, cad.cut(B, box(4, 4, 2, (-2, -2, -13)))), {"least wall of B around the cavity"}),
+    "a lug without its hole": (
+        lambda A, B: (joined(A, box(4, 4, 1, (sizes(Design(), Mold()).reach[1] - 2, -2, 0))), B),
+        {"overlap of the screws with A and B"},
+    ),
     "a missing vent": (lambda A, B: (joined(A, plug()), B), {"distance from vents to pin and cavity wall"}),
 }
 
@@ -127,6 +132,41 @@ def test_a_half_with_an_undercut_is_found():
     hook = bd.Solid.make_box(2, 4, 1, bd.Plane((3, -4, -4)))
     found = failed(design, mold, A, B, [one.fuse(hook).solids()[0], other])
     assert found == ["overlap while B1 leaves the cast"]
+
+
+def holes(part, radius, axis):
+    """Places of the round holes with this radius along an axis, measured on the solid."""
+    found = [face for face in part.faces() if face.geom_type.name == "CYLINDER" and face.radius == pytest.approx(radius)]
+    axes = [face.axis_of_rotation for face in found]
+    return [axis_of.position for axis_of in axes if abs(axis_of.direction.dot(axis)) > 0.9]
+
+
+@pytest.mark.parametrize(("D", "columns"), [(8, 10), (8, 1), (12, 7), (40, 2)])
+def test_screws_across_the_split_are_close(D, columns):
+    """At most 40 mm apart, or the width of a cavity with its walls and the screw where that is more."""
+    import build123d as bd
+
+    design, mold = Design(D=D, L=D + 1, l0=D, f=D), Mold(split=1, columns=columns)
+    half = halves(design, mold, closed_mold(design, mold)[1])["mold_b1"]
+    across = sorted({round(place.X, 6) for place in holes(half, 1.7, bd.Vector(0, 1, 0))})
+    s = sizes(design, mold)
+    wide = 2 * (s.rim + 0.5 + 3.5)
+    assert max(b - a for a, b in itertools.pairwise(across)) <= max(40, wide) + 1e-6
+    assert len(s.centres) == columns
+    assert min(b[0] - a[0] for a, b in itertools.pairwise(s.centres)) >= 2 * s.R + s.wall - 1e-9 if columns > 1 else 1
+
+
+@pytest.mark.parametrize("mold", [Mold(), Mold(columns=3, rows=3), Mold(columns=10), Mold(columns=6, split=1)])
+def test_lugs_of_A_and_B_share_their_screws(mold):
+    import build123d as bd
+
+    A, B = closed_mold(Design(), mold)
+    on_a, on_b = ({(round(p.X, 6), round(p.Y, 6)) for p in holes(part, 1.7, bd.Vector(0, 0, 1))} for part in (A, B))
+    assert on_a == on_b
+    assert len(on_a) == len(sizes(Design(), mold).lugs) >= 2
+    # beside A's skirt, and the bottom of B is as flat as before
+    assert min(math.hypot(x, y) for x, y in on_a) > sizes(Design(), mold).rim + 3
+    assert min(vertex.Z for vertex in B.vertices()) == pytest.approx(sizes(Design(), mold).bottom)
 
 
 def test_a_plate_repeats_one_cavity():

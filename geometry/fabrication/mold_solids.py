@@ -23,7 +23,21 @@ from geometry.cad import common, cut, distance, intersection, magnet, moved, ove
 from geometry.design import LEAST_WALL, Design
 from geometry.fabrication import engraved_marks
 from geometry.fabrication.printability import Check, Process, at_least, at_most, overhangs
-from geometry.mold import BOLT_HOLE, EAR_DEPTH, LARGEST_VENT, Mold, Sizes, pours, sizes
+from geometry.mold import (
+    BOLT,
+    BOLT_HOLE,
+    EAR_DEPTH,
+    HEAD_HOLE,
+    LARGEST_VENT,
+    LUG,
+    SEAT,
+    STATION,
+    Lug,
+    Mold,
+    Sizes,
+    pours,
+    sizes,
+)
 
 if TYPE_CHECKING:
     from build123d import Face, Solid
@@ -53,7 +67,7 @@ def closed_mold(design: Design, mold: Mold, beam: Solid | None = None) -> tuple[
 
     s = sizes(design, mold)
     on_lid, on_foot, _ = engraved_marks.mold_marks(design, mold, s) if mold.marks else ([], [], "")
-    lid = cut(slab(s, s.rim, -s.skirt, s.lid), slab(s, s.inner, -s.skirt, 0.0))
+    lid = cover(s, s.lid)
     if s.pin_radius > 0:
         pin = turned(s.pin)
         lid = lid.fuse(*(moved(pin, (*centre, 0.0)) for centre in s.centres)).solids()[0]
@@ -62,10 +76,75 @@ def closed_mold(design: Design, mold: Mold, beam: Solid | None = None) -> tuple[
     half_x, half_y = (max(centre[k] for centre in s.centres) + s.rim for k in (0, 1))
     foot = bd.Solid.make_box(2 * half_x, 2 * half_y, s.floor, bd.Plane((-half_x, -half_y, s.bottom)))
     ears, holes = _ears(s)
-    block = slab(s, s.outer, s.bottom, 0.0).fuse(foot, *ears).solids()[0]
+    block = slab(s, s.outer, s.bottom, 0.0).fuse(foot, *ears, *(_lug(s, mold, lug) for lug in s.lugs)).solids()[0]
+    holes += [_screw_hole(s, lug) for lug in s.lugs]
     cavity = beam.rotate(bd.Axis.X, 180) if beam and not mold.shrink else turned(s.cavity)
     through = tip_vents(s, mold)
-    return A, cut(block, *(moved(cavity, (*centre, 0.0)) for centre in s.centres), *through, *on_foot, *holes)
+    hollows = [moved(cavity, (*centre, 0.0)) for centre in s.centres]
+    return A, cut(block, *hollows, *through, *on_foot, *holes, *niches(s))
+
+
+def cover(s: Sizes, height: float) -> Solid:
+    """Return a lid of this thickness with its skirt and its lugs, as A and the jig have them, mm."""
+    block = with_lugs(s, slab(s, s.rim, -s.skirt, height), 0.0, height)
+    return cut(block, slab(s, s.inner, -s.skirt, 0.0), *niches(s))
+
+
+def with_lugs(s: Sizes, body: Solid, low: float, high: float) -> Solid:
+    """Return a body over the whole mould with lugs between two heights, and the holes for their screws, mm."""
+    import build123d as bd
+
+    hole = s.reach[1]
+    lugs = [_along(lug, bd.Solid.make_box(hole + LUG, 2 * LUG, high - low, bd.Plane((0, -LUG, low)))) for lug in s.lugs]
+    holes = [bd.Solid.make_cylinder(BOLT_HOLE / 2, high - low, bd.Plane((*lug.at(hole), low))) for lug in s.lugs]
+    return cut(body.fuse(*lugs).solids()[0], *holes)
+
+
+def niches(s: Sizes, depth: float = EAR_DEPTH) -> list[Solid]:
+    """Return the hollows below z = 0 at the stations of a split B, `depth` away from the split: B is as thick there as
+    in its ears, and A's skirt leaves room for the screws."""
+    import build123d as bd
+
+    sides = (depth, -depth - 2 * s.rim)
+    corners = [(x - STATION / 2, y, s.bottom) for x in (s.ears.stations if s.ears else ()) for y in sides]
+    return [bd.Solid.make_box(STATION, 2 * s.rim, -s.bottom, bd.Plane(corner)) for corner in corners]
+
+
+def _lug(s: Sizes, mold: Mold, lug: Lug) -> Solid:
+    """Return a lug of B without its hole: a bracket below A's skirt, or in a low mould a post that the foot carries."""
+    import build123d as bd
+
+    inner, hole = s.reach
+    end = hole + LUG
+    start = math.sqrt(max(s.outer**2 - LUG**2, 0.0)) - 0.2
+    web = -s.skirt - mold.pry_gap
+    # the underside of a bracket leans by 45°; at A's skirt the bracket is LUG thick
+    low = min(-SEAT - HEAD_HOLE / 2, web - LUG + (end - inner))
+    if low - (end - start) > s.bottom + s.floor:
+        under = [(end, low), (start, low - (end - start))]
+    else:
+        under, web = [(end, s.bottom), (start, s.bottom)], s.bottom + s.floor
+    corners = [(inner, 0.0), (end, 0.0), *under, (start, web), (inner, web)]
+    face = bd.Face(bd.Wire.make_polygon([(u, LUG, z) for u, z in corners]))
+    return _along(lug, bd.Solid.extrude(face, bd.Vector(0, -2 * LUG, 0)))
+
+
+def _screw_hole(s: Sizes, lug: Lug) -> Solid:
+    """Return the hole of a screw in a lug of B: wide enough for its head from below, then a cone as its seat.
+
+    The cone is a little steeper than that of the head, 45°, so that its triangles too print without support.
+    """
+    low, wide, narrow = s.bottom, HEAD_HOLE / 2, BOLT_HOLE / 2
+    top = -SEAT - 1.08 * (wide - narrow)
+    corners = [(0, low, 0), (wide, low, 0), (wide, top, 0), (narrow, -SEAT, 0), (narrow, 0, 0), (0, 0, 0)]
+    return moved(turned(corners), (*lug.at(s.reach[1]), 0.0))
+
+
+def _along(lug: Lug, solid: Solid) -> Solid:
+    """Return a solid whose x leads outwards from the rectangle of the axes, placed at a lug."""
+    import build123d as bd
+
+    return moved(solid.rotate(bd.Axis.Z, math.degrees(math.atan2(*lug.outwards[::-1]))), (*lug.root, 0.0))
 
 
 def halves(design: Design, mold: Mold, B: Solid) -> dict[str, Solid]:
@@ -83,7 +162,7 @@ def halves(design: Design, mold: Mold, B: Solid) -> dict[str, Solid]:
 
 
 def _ears(s: Sizes) -> tuple[list[Solid], list[Solid]]:
-    """Return the ears of a split B, and the holes in them for screws and pins, along y; none of an undivided B."""
+    """Return the ears of a split B, and the holes along y for its screws and pins; none of an undivided B."""
     import build123d as bd
 
     if s.ears is None:
@@ -97,6 +176,7 @@ def _ears(s: Sizes) -> tuple[list[Solid], list[Solid]]:
         ears.append(bd.Solid.extrude(face, bd.Vector(0, -2 * depth, 0)))
         holes += [_teardrop(side * e.bolt_x, z, BOLT_HOLE / 2) for z in e.bolt_z]
         holes.append(_teardrop(side * e.pin_x, s.bottom / 2, s.dowel_hole / 2))
+    holes += [_teardrop(x, z, BOLT_HOLE / 2) for x in e.stations for z in e.bolt_z]
     return ears, holes
 
 
@@ -159,19 +239,20 @@ def checks(design: Design, mold: Mold, A: Solid, B: Solid, halves: Sequence[Soli
     """Measure parts A and B of the closed mould, in the mould's frame, and the halves of a split B."""
     s = sizes(design, mold)
     # a block that ends inside the walls and the floor: without A and B the cast remains, plus the volume of any hole
-    # in a wall
+    # in a wall; it leaves out the stations with the holes of their screws
     outline = slab(s, s.R + s.wall / 2, -s.L - s.floor / 2, 0.0)
     cavity = turned(s.cavity)
     forms = [moved(cavity, (*centre, 0.0)) for centre in s.centres]
     # plugs fill the vents at the tips up to the surfaces of the cavities
     plugs = [cut(hole, form) for hole, form in zip(tip_vents(s, mold), forms, strict=False)]
-    casts = outline.cut(B, A, *plugs).solids()
+    casts = outline.cut(B, A, *plugs, *niches(s, 0.0)).solids()
     cast = max(casts, key=lambda piece: float(piece.volume))
     nominal = pours(design, mold)[0]
     error = sum(float(piece.volume) for piece in casts) / nominal / len(s.centres) - 1
     travel, closed = s.skirt + s.lid - s.bottom - s.floor, overlap(A, B)
     results = [
         _none("overlap of A and B in the closed mould", closed / nominal),
+        _none("overlap of the screws with A and B", sum(_screwed(s, s.lid, A, B)) / nominal),
         Check("cavity volume against beam minus pin", error, f"|.| <= {ROUNDING:g}", "1", abs(error) <= ROUNDING),
         _none("overlap while A leaves B", largest_overlap(A, B, travel, (0.0, 0.0, 1.0), closed) / nominal),
         _none("overlap while A leaves the cast", largest_overlap(A, cast, travel, (0.0, 0.0, 1.0)) / nominal),
@@ -201,13 +282,22 @@ def _none(name: str, share: float) -> Check:
     return at_most(name, share, ROUNDING, "1")
 
 
+def _screwed(s: Sizes, height: float, *parts: Solid) -> Iterable[float]:
+    """Yield the volumes that the screws through all lugs share with parts of which the upper one has this height, mm³."""
+    import build123d as bd
+
+    for lug in s.lugs:
+        screw = bd.Solid.make_cylinder(BOLT / 2, height - s.bottom, bd.Plane((*lug.at(s.reach[1]), s.bottom)))
+        yield from (overlap(screw, part) for part in parts)
+
+
 def _walls(s: Sizes, A: Solid, B: Solid, cast: Solid) -> list[Check]:
     """Check the least wall of A and of B around the cavity, mm.
 
     The wall is the least distance from the cast to the faces of a part that do not touch the cast. Of A only the lid
-    lies over the cavity, so faces of A that reach below the base plane (skirt and pins) do not count.
+    lies over the cavity, so faces of A that reach down to the base plane (skirt, pins, lugs) do not count.
     """
-    lid = [face for face in A.faces() if face.bounding_box(optimal=False).min.Z > -1e-6]
+    lid = [face for face in A.faces() if face.bounding_box(optimal=False).min.Z > 1e-6]
     results = []
     for name, faces, bound in (("A", lid, s.lid), ("B", B.faces(), min(s.wall, s.floor))):
         least = least_gap(cast, faces, touching=False)

@@ -14,7 +14,7 @@ from geometry.base import Plan, screw_thread
 from geometry.cad import beam_volume
 from geometry.design import Design
 from geometry.fabrication import board_drawing
-from geometry.mold import BOLT, EAR_DEPTH, Mold, pours, sizes
+from geometry.mold import BOLT, EAR_DEPTH, NUT, Mold, pours, screw_length, sizes
 from studies.output import page_templates
 from studies.output.records import FlatRow
 
@@ -65,10 +65,6 @@ PAPER_CURE = 80.0
 """Temperature at which the paper cures the silicone for 1 h, °C; no cure is hotter."""
 
 
-NUT = 6.0
-"""Length of a screw beside the two ears, mm: an M3 nut, two washers and a turn of thread."""
-
-
 def cure(limit: float) -> float:
     """Return the hottest cure for a material or a magnet whose limit is `limit`, °C.
 
@@ -83,6 +79,7 @@ def recipe_of(design: Design, choices: FabricationChoices) -> FlatRow:
 
     magnet_limit_C : working limit of the magnet; None without a magnet.
     cures : greatest temperatures of the cures, for each material that the mould can be printed from.
+    lid_screws : countersunk screws that clamp A onto B, long enough for a washer and a nut.
     dowels, screws : pins that align the halves of a split mould, and screws that clamp them, long enough for two
         washers and a nut; None if the mould is not split.
     silicone : None where the design names none.
@@ -106,7 +103,13 @@ def recipe_of(design: Design, choices: FabricationChoices) -> FlatRow:
             for name, limit in MATERIALS[choices.mold.process].items()
         ],
         "dowels": s.ears and {"count": 2, "diameter_mm": s.dowel, "length_mm": length, "hole_mm": s.dowel_hole},
-        "screws": s.ears and {"count": 2 * len(s.ears.bolt_z), "thread": f"M{BOLT:g}", "length_mm": length + NUT},
+        "screws": s.ears
+        and {
+            "count": (2 + len(s.ears.stations)) * len(s.ears.bolt_z),
+            "thread": f"M{BOLT:g}",
+            "length_mm": screw_length(length + NUT),
+        },
+        "lid_screws": {"count": len(s.lugs), "thread": f"M{BOLT:g}", "length_mm": s.screw(s.lid)},
         "silicone": choices.silicone,
         "mixes": (mixes := mixes_of(design, choices)),
         "first_pour_min": MIXING + 2 * DEGASSING + FILLING * len(s.centres),

@@ -176,6 +176,12 @@ def mold_sheet(design: Design, mold: Mold, s: Sizes, A: Solid, pieces: Sequence[
     side.labels += [((-x - s.rim, s.lid / 2), "A", (-5.0, -9.0))]
     side.labels += [((-x - s.rim, s.bottom + 0.5 * s.floor), "B", (-5.0, 9.0))]
     _axis(side)
+    # along x, or in a split mould along y, two screws lie opposite
+    far, near = s.lugs[0].at(s.reach[1]), s.lugs[1].at(s.reach[1])
+    if mold.split:
+        above.dims.append((near, far, "left", 0, number(far[1] - near[1])))
+    else:
+        above.dims.append((near, far, "above", 0, number(far[0] - near[0])))
     if s.ears:
         e, low = s.ears, s.bottom
         above.dims.append(((-e.end, 0), (e.end, 0), "above", 0, number(2 * e.end)))
@@ -194,6 +200,10 @@ def mold_sheet(design: Design, mold: Mold, s: Sizes, A: Solid, pieces: Sequence[
         f"printed by {mold.printing.name}: A with its lid down, B as it stands, without supports",
         f"{mold.vents} vents on Ø{number(2 * s.vent_ring)}; pin: draft {mold.draft:g}°, fillet {number(s.pin_edge)}",
     ]
+    notes.append(
+        f"{len(s.lugs)} countersunk screws M{number(BOLT)} x {number(s.screw(s.lid))} up through the lugs of B and A, "
+        f"holes Ø{number(BOLT_HOLE)}"
+    )
     if mold.split:
         notes.append(
             f"B in two halves; across the split: pins Ø{number(s.dowel)} in holes Ø{number(s.dowel_hole)}, "
