@@ -29,14 +29,14 @@ BOLT, BOLT_HOLE, WASHER = 3.0, 3.4, 7.0
 """Screws that clamp the mould, mm: thread M3, its clearance hole (ISO 273, medium), and diameter of a washer."""
 
 HEAD, HEAD_HOLE = 5.5, 6.0
-"""Diameter of the head of a countersunk screw M3 (ISO 2009), whose cone of 90° prints without support, and of the hole
-in which it goes up into a lug, mm."""
+"""Diameter of the head of a countersunk screw M3 (ISO 2009), whose seat, a cone, prints without support, and of the
+hole in which it goes up into a lug, mm."""
 
 NUT = 3.5
 """Height of a nut M3, a washer and a turn of thread, mm."""
 
-SCREWS = (10, 12, 16, 20, 25, 30, 35, 40, 45, 50, 60, 70, 80, 90, 100)
-"""Lengths of screws, mm (ISO 2009, ISO 4762)."""
+SCREWS = (4, 5, 6, 8, 10, 12, 16, 20, 25, 30, 35, 40, 45, 50, 60, 70, 80)
+"""Usual lengths of screws, mm (ISO 888)."""
 
 EAR_DEPTH, EAR_WALL = 5.0, 2.0
 """Thickness of an ear of one half along y, and least wall around its holes, mm."""
@@ -49,7 +49,7 @@ STATION = WASHER + 1.0
 """Width of a gap in the row of cavities of a split B, where screws clamp the halves, mm."""
 
 SEAT, LUG_WALL, LUG_GAP = 3.0, 1.5, 0.5
-"""Height of a lug over the head of its screw, wall around its holes, and gap between the lug of B and A's skirt, mm."""
+"""Height of a lug over its screw's head, wall around its holes, and gap between the lug of B and A's skirt, mm."""
 
 LUG = HEAD_HOLE / 2 + LUG_WALL
 """Half the width of a lug, mm."""
@@ -328,8 +328,10 @@ def _dowel(mold: Mold, height: float) -> float:
 
 
 def _lugs(x: float, y: float, rim: float) -> tuple[Lug, ...]:
-    """Return the lugs of an undivided mould whose outermost axes lie at +-x and +-y, mm: one or more on the sides +-x,
-    and on the sides +-y where the mould is long."""
+    """Return the lugs of an undivided mould whose outermost axes lie at +-x and +-y, mm.
+
+    One or more are on the sides +-x, and on the sides +-y where the mould is long.
+    """
     lugs = []
     for half, (u, v), least in ((y, (1.0, 0.0), 1), (x, (0.0, 1.0), 2 * (x + rim) > SPACING)):
         count = max(math.ceil(2 * half / SPACING), int(least))
@@ -340,7 +342,9 @@ def _lugs(x: float, y: float, rim: float) -> tuple[Lug, ...]:
     return tuple(lugs)
 
 
-def _row(columns: int, pitch: float, wall: float, rim: float) -> tuple[list[float], tuple[float, ...], tuple[Lug, ...]]:
+def _row(
+    columns: int, pitch: float, wall: float, rim: float
+) -> tuple[list[float], tuple[float, ...], tuple[Lug, ...]]:
     """Return the axes of a split row of cavities along x, its stations and its lugs, two for each group of cavities.
 
     The row has as few stations as leave no two neighbouring screws across the split more than `SPACING` apart; at

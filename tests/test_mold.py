@@ -136,7 +136,9 @@ def test_a_half_with_an_undercut_is_found():
 
 def holes(part, radius, axis):
     """Places of the round holes with this radius along an axis, measured on the solid."""
-    found = [face for face in part.faces() if face.geom_type.name == "CYLINDER" and face.radius == pytest.approx(radius)]
+    found = [
+        face for face in part.faces() if face.geom_type.name == "CYLINDER" and face.radius == pytest.approx(radius)
+    ]
     axes = [face.axis_of_rotation for face in found]
     return [axis_of.position for axis_of in axes if abs(axis_of.direction.dot(axis)) > 0.9]
 

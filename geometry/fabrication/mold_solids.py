@@ -95,14 +95,17 @@ def with_lugs(s: Sizes, body: Solid, low: float, high: float) -> Solid:
     import build123d as bd
 
     hole = s.reach[1]
-    lugs = [_along(lug, bd.Solid.make_box(hole + LUG, 2 * LUG, high - low, bd.Plane((0, -LUG, low)))) for lug in s.lugs]
+    tab = bd.Solid.make_box(hole + LUG, 2 * LUG, high - low, bd.Plane((0, -LUG, low)))
+    lugs = [_along(lug, tab) for lug in s.lugs]
     holes = [bd.Solid.make_cylinder(BOLT_HOLE / 2, high - low, bd.Plane((*lug.at(hole), low))) for lug in s.lugs]
     return cut(body.fuse(*lugs).solids()[0], *holes)
 
 
 def niches(s: Sizes, depth: float = EAR_DEPTH) -> list[Solid]:
-    """Return the hollows below z = 0 at the stations of a split B, `depth` away from the split: B is as thick there as
-    in its ears, and A's skirt leaves room for the screws."""
+    """Return the hollows below z = 0 at the stations of a split B, `depth` away from the split.
+
+    There B is as thick as in its ears, and A's skirt leaves room for the screws.
+    """
     import build123d as bd
 
     sides = (depth, -depth - 2 * s.rim)
@@ -111,7 +114,7 @@ def niches(s: Sizes, depth: float = EAR_DEPTH) -> list[Solid]:
 
 
 def _lug(s: Sizes, mold: Mold, lug: Lug) -> Solid:
-    """Return a lug of B without its hole: a bracket below A's skirt, or in a low mould a post that the foot carries."""
+    """Return a lug of B without its hole: a bracket below A's skirt, or in a low mould a post on the foot."""
     import build123d as bd
 
     inner, hole = s.reach
@@ -283,7 +286,7 @@ def _none(name: str, share: float) -> Check:
 
 
 def _screwed(s: Sizes, height: float, *parts: Solid) -> Iterable[float]:
-    """Yield the volumes that the screws through all lugs share with parts of which the upper one has this height, mm³."""
+    """Yield the volumes that screws up to a height share with parts, mm³, lug by lug."""
     import build123d as bd
 
     for lug in s.lugs:

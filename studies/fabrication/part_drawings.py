@@ -200,15 +200,12 @@ def mold_sheet(design: Design, mold: Mold, s: Sizes, A: Solid, pieces: Sequence[
         f"printed by {mold.printing.name}: A with its lid down, B as it stands, without supports",
         f"{mold.vents} vents on Ø{number(2 * s.vent_ring)}; pin: draft {mold.draft:g}°, fillet {number(s.pin_edge)}",
     ]
-    notes.append(
-        f"{len(s.lugs)} countersunk screws M{number(BOLT)} x {number(s.screw(s.lid))} up through the lugs of B and A, "
-        f"holes Ø{number(BOLT_HOLE)}"
-    )
+    screws = f"{len(s.lugs)} countersunk screws M{number(BOLT)} x {number(s.screw(s.lid))}"
     if mold.split:
-        notes.append(
-            f"B in two halves; across the split: pins Ø{number(s.dowel)} in holes Ø{number(s.dowel_hole)}, "
-            f"screws M{number(BOLT)} in holes Ø{number(BOLT_HOLE)}"
+        screws += (
+            f"; across the split: pins Ø{number(s.dowel)} in holes Ø{number(s.dowel_hole)}, screws M{number(BOLT)}"
         )
+    notes.append(f"A on B: {screws}; holes for M{number(BOLT)}: Ø{number(BOLT_HOLE)}")
     return sheet("Mould", [[side], [above]], notes)
 
 

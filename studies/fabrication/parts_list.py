@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from geometry.base import Plan, screw_thread
 from geometry.design import BadInput, Design
-from geometry.mold import sizes
+from geometry.mold import screw_length, sizes
 from studies.fabrication import casting_recipe, circuit_board
 from studies.fabrication.sensor_solids import FabricationChoices
 from studies.output.records import FlatRow
@@ -28,8 +28,6 @@ PRINT_TIME = (6.5, 17.0)
 """Minutes for a cm³, layers of 0.1 mm, nozzle of 0.4 mm: six parts of 1 to 16 cm³ sliced by PrusaSlicer 2.5."""
 NUT = 2.0
 """Length of a screw of the base beside plate and board: a nut and a washer, mm."""
-LENGTHS = (4, 5, 6, 8, 10, 12, 14, 16, 18, 20, 25, 30, 35, 40, 45, 50, 60, 70, 80)
-"""Usual lengths of screws, mm (ISO 888)."""
 SYRINGE = 10.0
 """Volume of a syringe, mL."""
 PRICE = ("price_low", "price_high", "currency", "price_date", "price_source")
@@ -136,13 +134,15 @@ def _screws(
 ) -> Iterator[FlatRow]:
     if plan and plan.screw:
         thick = board.thickness if board else max(circuit_board.THICKNESSES)
-        needed = plan.thickness + plan.recess + thick + NUT
-        length = next((each for each in LENGTHS if each >= needed), math.ceil(needed))
+        length = screw_length(plan.thickness + plan.recess + thick + NUT)
         thread = f"M{screw_thread(plan.screw):g}"
         note = "brass, nylon or titanium: steel changes the field"
         yield _row("screws", f"{thread} x {length} mm", 4 * sensors, note=note)
         yield _row("screws", f"nut {thread}", 4 * sensors, note=note)
     recipe = casting_recipe.recipe_of(design, choices)
+    lid = recipe["lid_screws"]
+    kind = f"countersunk screw {lid['thread']} x {lid['length_mm']:g} mm of nylon, with nut and washer"
+    yield _row("mould", kind, lid["count"], note="holds A down")
     if pins := recipe["dowels"]:
         yield _row("mould", f"dowel pin {pins['diameter_mm']:g} x {pins['length_mm']:g} mm", pins["count"])
     if screws := recipe["screws"]:
