@@ -255,7 +255,7 @@ def test_each_of_two_chips_whose_supply_sets_the_address_has_its_own():
         ),
         (
             "paper --set hall_layout=tmag5273a1 --set chip_count=4 --set chip_x=3.8 --set l0=7.5",
-            "less than 0.15 mm: set a larger chip_x",
+            "less than 0.15 mm: set chip_x to 4.3 mm or more, or a larger base (--base outer=...)",
         ),
         ("paper --base outer=5", "outer must be at least"),
         ("fingertip --axis D=6,7", "board takes no --axis"),
@@ -265,6 +265,12 @@ def test_what_cannot_be_made_is_refused(refusal, tmp_path, words, reason):
     folder = tmp_path / "out"
     assert reason in refusal("board", *words.split(), "--out", folder)
     assert not folder.exists()
+
+
+def test_elements_under_the_beam_have_a_board():
+    design = paper(f=3.2, c=-2.0, l0=8.0)
+    made = circuit_board.board(design, base.plan(design, base.Base()))
+    assert {pad.at[0] for pad in by_name(made)["S2"].pads} == {3.2 + SS495A.thickness / 2 - SS495A.depth}
 
 
 def test_a_base_narrower_than_its_header_is_refused():

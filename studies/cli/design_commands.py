@@ -83,7 +83,6 @@ def board(call: Call, *, out: Path, thickness: float = 1.6, fabrication: Fabrica
     thickness
         Thickness of the board, 0.8 or 1.6 mm.
     """
-    from geometry import base
     from studies.fabrication import board_files, circuit_board, sensor_solids
     from studies.parts import catalogues
 
@@ -92,8 +91,8 @@ def board(call: Call, *, out: Path, thickness: float = 1.6, fabrication: Fabrica
     design, here = call.design(), call.here(board_files.FILES)
     mix = catalogues.mix_named(fabrication.silicone, design.silicone)
     choices = sensor_solids.parse_fabrication_choices(fabrication, mix, user_input.fabrication_of(call.source))
-    plan = base.plan(design, choices.base, choices.mold.process)
-    made, title = circuit_board.board(design, plan, thickness), f"{Path(call.source).stem}: {design.hall_layout}"
+    plan, made = circuit_board.plan_and_board(design, choices.base, choices.mold.process, thickness)
+    title = f"{Path(call.source).stem}: {design.hall_layout}"
     return publish(lambda progress: board_files.study(design, choices, plan, made, title, progress), here)
 
 

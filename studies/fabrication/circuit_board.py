@@ -12,6 +12,7 @@ faces is ground. Every board is measured by the rules below, and one that breaks
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import functools
 import itertools
@@ -24,7 +25,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from geometry.base import Plan
+from geometry import base
+from geometry.base import Base, Plan
 from geometry.design import BadInput, Design
 from geometry.fabrication import board_drawing, hall_elements
 from geometry.fabrication.hall_elements import SS495A
@@ -239,6 +241,33 @@ def circuit_of(design: Design) -> Circuit:
 # The board
 
 
+FARTHER = 40
+"""Number of steps of 0.1 mm by which chips are moved outwards to find the least place with room."""
+
+
+def plan_and_board(design: Design, choices: Base, process: str, thickness: float = 1.6) -> tuple[Plan, Board]:
+    """Return the plan of a design's base and its board; BadInput as `board`, with a remedy where there is no room."""
+    plan = base.plan(design, choices, process)
+    try:
+        return plan, board(design, plan, thickness)
+    except NoRoom as error:
+        several = design.hall_layout != "three" and design.chip_count > 1
+        remedy = "a larger f, or " if design.hall_layout == "three" else ""
+        remedy = _farther(design, choices, process) if several else remedy
+        raise BadInput(f"{error}: set {remedy}a larger base (--base outer=...)") from None
+
+
+def _farther(design: Design, choices: Base, process: str) -> str:
+    """Return the least chip_x with room for the tracks, as words of a remedy; "" if none is near."""
+    for k in range(1, FARTHER):
+        x = math.copysign(round(abs(design.chip_x) + k / 10, 1), design.chip_x)
+        wider = dataclasses.replace(design, chip_x=x)
+        with contextlib.suppress(BadInput):
+            wired(wider, base.plan(wider, choices, process))
+            return f"chip_x to {x:g} mm or more, or "
+    return ""
+
+
 def board(design: Design, plan: Plan, thickness: float = 1.6) -> Board:
     """Return the board of a design, for the plan of its base.
 
@@ -367,7 +396,7 @@ def _header(plan: Plan, nets: Sequence[str], aim: float) -> Header:
             return Header(tuple(nets), pitch, min(max(aim, -most), most), -plan.half, -plan.half - TAB)
     raise NoRoom(
         f"a base of {2 * plan.half:.3g} mm is too narrow for a header of {len(nets)} pins, which needs "
-        f"{tab_width(len(nets), 1.27) + 2 * EDGE:.3g} mm: set a larger outer (--base outer=...)"
+        f"{tab_width(len(nets), 1.27) + 2 * EDGE:.3g} mm"
     )
 
 
@@ -458,7 +487,6 @@ def _analogue(design: Design, plan: Plan, circuit: Circuit) -> Board:
         _passive("C1", CAPACITOR, ("VDD", "GND"), (bend + 1.3, y - 0.775), upright=True),
         _passive("C2", CAPACITOR, ("VDD", "GND"), (middle - 1.6, y - 0.775), upright=True),
     ]
-    third = _passive("C3", CAPACITOR, ("GND", "VDD"), (column + 0.775, middle - 1.6))
     # the columns keep clear of the screws at the corners
     lanes = {"S1": -2 * p.pitch, "S3": p.pitch, "S2": 2 * p.pitch}
     ends = {name: (lanes[name], header.high) for name in lanes}
@@ -470,7 +498,14 @@ def _analogue(design: Design, plan: Plan, circuit: Circuit) -> Board:
         Track("S3", False, (places["S3"][2], ends["S3"])),
     ]
     tracks = (*supply, *outputs, *_to_header(header, ends))
-    return _drawn(plan, header, [*elements, *caps, third], tracks=tracks, vias=(), supply=circuit.supply)
+    # that of S3 is on the supply's column, below S3 or, where S1's capacitor is too near, below that
+    for place in (middle - 1.6, -1.8):
+        third = _passive("C3", CAPACITOR, ("GND", "VDD"), (column + 0.775, place))
+        try:
+            return _drawn(plan, header, [*elements, *caps, third], tracks=tracks, vias=(), supply=circuit.supply)
+        except NoRoom as error:
+            broken = error
+    raise broken
 
 
 # Chips on one bus
@@ -487,16 +522,13 @@ def _digital(design: Design, plan: Plan, circuit: Circuit) -> Board:
     nets = [first, "SDA", "SCL", *others]
     room = half + CLEARANCE + VIA / 2 + (len(nets) - 1) * COLUMN / 2
     lanes = [(a + b) / 2 for a, b in itertools.pairwise(across)] + [across[-1] + room, across[0] - room]
-    broken: NoRoom | None = None
+    broken: list[NoRoom] = []
     for lane in sorted(lanes, key=lambda x: (x in lanes[-2:], abs(x))):
         try:
             return _bus(design, plan, circuit, names, nets, lane)
         except NoRoom as error:
-            broken = broken or error
-    raise NoRoom(
-        f"{broken}: {'set a larger chip_x, or a larger base' if count > 1 else 'set a larger base'} (--base "
-        "outer=...)"
-    ) from None
+            broken.append(error)
+    raise broken[0]
 
 
 def _supplies(circuit: Circuit, count: int) -> list[str]:
