@@ -24,6 +24,7 @@ DESIGNS = [
     Design(hall_layout="tle493d-p2b6", l0=9.0),
     Design(hall_layout="tmag5273a1", chip_x=-11.0),
     Design(hall_layout="tmag5273a1", chip_x=3.0, chip_count=3, l0=7.5),
+    Design(hall_layout="tmag5273a1", chip_x=4.5, chip_count=4, l0=7.5),
     Design(D=1, L=0.8, magnet_diameter=0.2, magnet_height=0.2, magnet_edge_radius=0.02, l0=3),
     Design(D=50, L=25.05, f=40, **BARE),
     # slots of S2 and S3 that open into each other, beside the beam and under it

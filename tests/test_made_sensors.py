@@ -114,7 +114,7 @@ def states(count, shift=SHIFT, tilt=TILT):
     return np.tile(shift, (count, 1, 1)), np.tile(tilt, (count, 1, 1))
 
 
-@pytest.mark.parametrize(("layout", "count"), [("three", 1), ("tmag5273a1", 1), ("tmag5273a1", 3)])
+@pytest.mark.parametrize(("layout", "count"), [("three", 1), ("tmag5273a1", 1), ("tmag5273a1", 4)])
 def test_without_deviations_the_readings_are_those_of_the_design(layout, count):
     design = Design(hall_layout=layout, chip_x=3.0, chip_count=count)
     made = made_readings(nominal_sensor(design), *states(1))
@@ -124,6 +124,19 @@ def test_without_deviations_the_readings_are_those_of_the_design(layout, count):
     assert made.output[0, 0] == pytest.approx(output, rel=1e-12)
     assert made.field_T[0, 0] == pytest.approx(truth.B_T, rel=1e-12)
     assert made.saturated[0, 0].tolist() == list(truth.saturated)
+
+
+def test_each_of_four_chips_has_a_place_and_keeps_the_deviations_of_the_rest():
+    three, four = (
+        made_sensors(Design(hall_layout="tmag5273a1", chip_x=4.0, chip_count=count), count=5, seed=2)
+        for count in (3, 4)
+    )
+    assert four.element_offset.shape == (5, 12, 3)
+    assert (four.element_offset[:, ::3] == four.element_offset[:, 2::3]).all()
+    assert len({tuple(place) for place in four.element_offset[0]}) == 4
+    assert (four.element_offset[:, :9] == three.element_offset).all()
+    assert (four.magnet_offset == three.magnet_offset).all()
+    assert all((four.fields[name] == three.fields[name]).all() for name in four.fields)
 
 
 def test_each_element_reads_at_its_own_place_with_its_own_gain_and_null():

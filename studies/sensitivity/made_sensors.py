@@ -41,6 +41,8 @@ from studies.parts.part_tolerances import (
 
 OF_CHIPS = ("chip_gain", "chip_null")
 """Tolerances of each axis of each chip."""
+PLACES = ("hall_x", "hall_y", "hall_z")
+"""Tolerances of the place of each one-axis element or chip."""
 MOST_SENSORS = 1_000_000
 """Largest number of made sensors; more are taken for a mistake."""
 
@@ -111,7 +113,7 @@ def made_sensors(
     }
     rows = [dict(zip(fields, row, strict=True)) for row in np.column_stack(list(fields.values())).tolist()]
     designs, refusals = zip(*(possible(dataclasses.replace, design, **row) for row in rows), strict=True)
-    places = np.stack([deviation[name] for name in ("hall_x", "hall_y", "hall_z")], axis=-1)
+    places = np.stack([deviation[name] for name in PLACES], axis=-1)
     chip = design.hall_layout != "three"
     return MadeSensors(
         nominal=design,
@@ -169,12 +171,14 @@ def _unit_deviations(count: int, seed: int, elements: int = 3) -> dict[str, Arra
     # one table of random numbers for all: a tolerance of 0 must not shift the numbers of the others
     uniform = np.random.default_rng(seed).random((count, sum(widths)))
     if elements > 3:  # nor must further chips
-        further = np.random.default_rng([seed, elements]).random((count, len(OF_CHIPS) * (elements - 3)))
-        for name in OF_CHIPS:
+        # the axes of a chip have gains and nulls of their own, and one place
+        more = dict.fromkeys(OF_CHIPS, elements - 3) | dict.fromkeys(PLACES, max(elements // 3 - 3, 0))
+        further = np.random.default_rng([seed, elements]).random((count, sum(more.values())))
+        for name, width in more.items():
             after = sum(widths[: list(SPECS).index(name) + 1])
-            added, further = further[:, : elements - 3], further[:, elements - 3 :]
+            added, further = further[:, :width], further[:, width:]
             uniform = np.hstack([uniform[:, :after], added, uniform[:, after:]])
-            widths[list(SPECS).index(name)] = elements
+            widths[list(SPECS).index(name)] += width
     deviations = {}
     for name, columns in zip(SPECS, np.split(uniform, np.cumsum(widths)[:-1], axis=1), strict=True):
         inside = ndtr(-CUT) + columns * (ndtr(CUT) - ndtr(-CUT))
