@@ -55,7 +55,8 @@ Tolerance = Annotated[
     str,
     Parameter(
         help="Largest relative error, such as 1% or 0.01: choose the cheapest model whose errors in "
-        "`magtip validate trade` meet it, instead of --accuracy."
+        "`magtip validate errors trade` meet it, and a finer one where its own estimates do not, instead of "
+        "--accuracy."
     ),
 ]
 StoreFile = Annotated[
