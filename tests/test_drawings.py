@@ -3,6 +3,7 @@
 import io
 import math
 import re
+from pathlib import Path
 from xml.etree import ElementTree
 
 import ezdxf
@@ -10,15 +11,16 @@ import pytest
 from ezdxf import bbox
 
 from geometry import cad
+from geometry.bad_input import SolveFailed
 from geometry.base import Base, base, plan
-from geometry.design import Design
+from geometry.design import Design, paper
 from geometry.fabrication.board_drawing import LAYERS, board, pads
 from geometry.fabrication.hall_elements import bodies, places
 from geometry.fabrication.mold_solids import closed_mold
 from geometry.fabrication.technical_drawing import HEIGHT, WIDTH, Piece, View
 from geometry.hall_chips import CHIPS
 from geometry.mold import Mold, sizes
-from studies.fabrication import part_drawings
+from studies.fabrication import part_drawings, symbol_drawings
 
 NUMBER = r"-?\d+\.?\d*(?:e-?\d+)?"
 
@@ -57,7 +59,7 @@ def test_sheets_are_svg_with_their_dimensions_inside_their_frame(design, mold, p
     texts = part_drawings.sheets(design, plan(design, Base()), parts, bodies(design))
     texts["mould"] = part_drawings.mold_sheet(design, mold, sizes(design, mold), A, [B])
     assert pole in texts["sensor"]
-    for label in (f"Ø{design.D:g}", f"L = {design.L:g}", f"l0 = {design.l0:g}"):
+    for label in (f"D = {design.D:g}", f"L = {design.L:g}", f"l0 = {design.l0:g}"):
         assert f">{label}<" in texts["sensor"]
     for title, text in texts.items():
         root = ElementTree.fromstring(text)
@@ -73,6 +75,27 @@ def test_sheets_are_svg_with_their_dimensions_inside_their_frame(design, mold, p
             if node.tag.endswith("}path") and "pattern" not in node.attrib.get("d", "") and "class" in node.attrib:
                 steps = re.findall(rf"[ML]({NUMBER}) ({NUMBER})", node.attrib["d"])
                 assert all(0 < float(x) < WIDTH and 0 < float(y) < HEIGHT for x, y in steps), title
+
+
+@pytest.mark.parametrize(("name", "draw"), [("sensor", symbol_drawings.lengths), ("loads", symbol_drawings.loads)])
+def test_drawings_of_the_documents_are_those_of_the_design(name, draw):
+    """Meshes and linear algebra of other machines move points by less than what can be seen."""
+    shown = (Path(__file__).parent.parent / "docs" / f"{name}.svg").read_text("utf-8")
+    drawn = draw(paper())
+    assert re.sub(NUMBER, "#", drawn) == re.sub(NUMBER, "#", shown), "make docs draws it again"
+    numbers = [[float(number) for number in re.findall(NUMBER, text)] for text in (drawn, shown)]
+    assert numbers[0] == pytest.approx(numbers[1], abs=0.02)
+
+
+def test_a_drawing_of_lengths_has_the_symbols_of_any_layout():
+    text = symbol_drawings.lengths(Design(hall_layout="tle493d-p2b6", l0=9.0, chip_x=2.0, magnet_north="up"))
+    shown = re.findall(r'<text class="(?!halo)[^>]*>([^<]*)<', text)
+    assert {"D = 8", "L = 9", "H = 5", "d = 4", "h = 2", "l0 = 9", "chip_x = 2", "N", "-z"} <= set(shown)
+
+
+def test_a_load_without_a_stable_state_is_not_drawn():
+    with pytest.raises(SolveFailed, match="the drawing of a press has no stable state"):
+        symbol_drawings.loads(Design(L=30, l0=28.2))
 
 
 @pytest.mark.parametrize("turn", [60.0, 120.0, 170.0])

@@ -1,4 +1,4 @@
-"""Technical drawings of solids on an A4 sheet in SVG: exact sections and views, with dimension lines.
+"""Technical drawings of solids in SVG: exact sections and views with dimension lines, on an A4 sheet or as a picture.
 
 Sections and views consist of lines and arcs. Each view has its own plane, mm, with x to the right and y upwards. A
 sheet shows its views side by side at one standard scale. Lengths on paper are in mm too: the SVG's unit is the
@@ -57,12 +57,14 @@ class View:
     dims : dimensions: start, end, side of the view where the dimension line lies, its rank from the view outwards (0,
         1, ...), and text.
     labels : labelled point, text, and offset of the text from the point on paper, mm.
+    arrows : point, vector from it on paper with y upwards, mm, text, and the end beyond which the text stands.
     """
 
     title: str
     paths: list[tuple[list[list[Piece]], str]] = field(default_factory=list)
     dims: list[Dimension] = field(default_factory=list)
     labels: list[tuple[Point, str, Point]] = field(default_factory=list)
+    arrows: list[tuple[Point, Point, str, Literal["start", "end"]]] = field(default_factory=list)
 
     def cut(self, solid: Solid, style: str, *, y: float = 0.0) -> None:
         """Add the section of a solid with a plane of constant y, viewed along +y: x to the right, z upwards."""
@@ -73,7 +75,9 @@ class View:
             return
         reach = 4 * max(map(abs, (*box.min, *box.max)))
         plane = bd.Face.make_rect(reach, reach, bd.Plane((0, y, 0), x_dir=(1, 0, 0), z_dir=(0, -1, 0)))
-        for face in (face for shape in intersection(solid, plane) for face in shape.faces()):
+        faces = [face for shape in intersection(solid, plane) for face in shape.faces()]
+        # the kernel returns the faces in any order
+        for face in sorted(faces, key=lambda face: tuple(face.center())):
             loops = [face.outer_wire(), *face.inner_wires()]
             self.paths.append(([_pieces(loop.order_edges(), 0, 2) for loop in loops], style))
 
@@ -92,8 +96,9 @@ class View:
 
     @property
     def box(self) -> tuple[float, float, float, float]:
-        """Bounding box of the paths: least x, greatest x, least y, greatest y, mm."""
+        """Bounding box of the paths and of the arrows' starts: least x, greatest x, least y, greatest y, mm."""
         points = [p for loops, _ in self.paths for loop in loops for piece in loop for p in _ends(piece)]
+        points += [start for start, *_ in self.arrows]
         x, y = zip(*points, strict=True)
         return min(x), max(x), min(y), max(y)
 
@@ -115,16 +120,7 @@ def sheet(title: str, columns: Sequence[Sequence[View]], notes: Sequence[str]) -
         return wide <= space_x and all(_height(column, scale) <= space_y for column in columns)
 
     scale = next((s for s in SCALES if fits(s)), SCALES[-1])
-    gap = (space_x - sum(sum(_sides(column, scale)) for column in columns)) / (len(columns) + 1)
-    out, x = [], MARGIN + gap
-    for column in columns:
-        left, right = _sides(column, scale)
-        y = MARGIN + (space_y - _height(column, scale)) / 2
-        for view in column:
-            y += view.room("above") + TITLE
-            out.append(_drawn(view, scale, x + left, y + scale * view.box[3]))
-            y += scale * (view.box[3] - view.box[2]) + view.room("below")
-        x += left + right + gap
+    out = _arranged(columns, scale, (MARGIN, MARGIN), (space_x, space_y))
     ratio = f"{scale:g}:1" if scale >= 1 else f"1:{1 / scale:g}"
     y = HEIGHT - MARGIN - BLOCK
     out.append(f'<path class="thin" d="M{MARGIN} {y}H{WIDTH - MARGIN}"/>')
@@ -132,10 +128,36 @@ def sheet(title: str, columns: Sequence[Sequence[View]], notes: Sequence[str]) -
     out.append(_text(MARGIN + 2, y + 13, f"scale {ratio} on A4; all lengths in mm"))
     for k, note in enumerate(notes):
         out.append(_text(MARGIN + 92, y + 4.2 + 4 * k, note, "small"))
+    frame = f'<rect class="thin" x="{MARGIN}" y="{MARGIN}" width="{space_x}" height="{HEIGHT - 2 * MARGIN}"/>'
+    return _svg(title, [frame, *out], WIDTH, HEIGHT)
+
+
+def picture(title: str, columns: Sequence[Sequence[View]], scale: float) -> str:
+    """Return the SVG text of views arranged as on a sheet, without its frame, as large as they are at a scale."""
+    wide = sum(sum(_sides(column, scale)) for column in columns) + NEAR * (len(columns) + 1)
+    high = max(_height(column, scale) for column in columns)
+    return _svg(title, _arranged(columns, scale, (0.0, 0.0), (wide, high)), wide, high)
+
+
+def _arranged(columns: Sequence[Sequence[View]], scale: float, corner: Point, room: Point) -> list[str]:
+    """Return the elements of columns of views in a rectangle of paper: its upper left corner and its size, mm."""
+    gap = (room[0] - sum(sum(_sides(column, scale)) for column in columns)) / (len(columns) + 1)
+    out, x = [], corner[0] + gap
+    for column in columns:
+        left, right = _sides(column, scale)
+        y = corner[1] + (room[1] - _height(column, scale)) / 2
+        for view in column:
+            y += view.room("above") + TITLE
+            out.append(_drawn(view, scale, x + left, y + scale * view.box[3]))
+            y += scale * (view.box[3] - view.box[2]) + view.room("below")
+        x += left + right + gap
+    return out
+
+
+def _svg(title: str, elements: Sequence[str], width: float, height: float) -> str:
     text = Path(__file__).with_name("sheet.svg").read_text("utf-8")
-    lengths = {"width": WIDTH, "height": HEIGHT, "margin": MARGIN, "inside": space_x, "high": HEIGHT - 2 * MARGIN}
-    views = {"title": escape(title), "views": "\n".join(out)}
-    return Template(text).substitute(views, **{name: f"{length:g}" for name, length in lengths.items()})
+    size = {"width": f"{width:g}", "height": f"{height:g}"}
+    return Template(text).substitute(title=escape(title), views="\n".join(elements), **size)
 
 
 def _sides(column: Sequence[View], scale: float) -> tuple[float, float]:
@@ -216,6 +238,8 @@ def _drawn(view: View, scale: float, x0: float, y0: float) -> str:
         out.append(f'<path class="thin" d="M{x:.3f} {y:.3f}L{x + dx:.3f} {y + dy:.3f}"/>')
         out.append(f'<circle class="arrow" cx="{x:.3f}" cy="{y:.3f}" r=".5"/>')
         out.append(_text(x + dx + math.copysign(0.8, dx), y + dy + 1.1, text, anchor=end))
+    for point, along, text, where in view.arrows:
+        out.append(_arrow(on(point), along, text, where == "end"))
     out.append(_text((x1 + x2) / 2, y1 - view.room("above") - 1.5, view.title, anchor="middle"))
     # SVG draws in order: first the lines, then the halos that cover lines behind text, then the text
     return "\n".join(sorted("\n".join(out).split("\n"), key=lambda line: (line[:5] == "<text", "halo" not in line)))
@@ -277,6 +301,20 @@ def _dimension(a: Point, b: Point, side: Side, at: float, text: str) -> str:
     turn = f' transform="rotate(-90 {x:.3f} {y:.3f})"' if upright else ""
     out.append(_text(x, y, text, anchor="middle", more=turn))
     return "\n".join(out)
+
+
+def _arrow(start: Point, along: Point, text: str, at_end: bool) -> str:
+    """Return an arrow from a point on paper, and its text beyond one end; `along` with y upwards, mm."""
+    (x, y), (dx, dy), length = start, (along[0], -along[1]), math.hypot(*along)
+    c, s = dx / length, dy / length
+    u, v, neck = x + dx, y + dy, 1.3 * ARROW
+    corners = [(u, v), *((u - neck * c - w * s, v - neck * s + w * c) for w in (0.9, -0.9))]
+    line = f'<path class="vector" d="M{x:.3f} {y:.3f}L{u - neck * c:.3f} {v - neck * s:.3f}"/>'
+    head = '<path class="point" d="M' + "L".join(f"{p:.3f} {q:.3f}" for p, q in corners) + 'Z"/>'
+    at, c, s = ((u, v), c, s) if at_end else ((x, y), -c, -s)
+    side = "middle" if abs(c) < 0.5 else "start" if c > 0 else "end"
+    name = _text(at[0] + c, at[1] + s + (1.1 + 1.6 * s if side == "middle" else 1.1), text, "vectors", anchor=side)
+    return f"{line}\n{head}\n{name}"
 
 
 def _text(x: float, y: float, text: str, kind: str = "", anchor: str = "start", more: str = "") -> str:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
+from analytic.parts import of_design
 from geometry.base import Plan
 from geometry.design import Design
 from geometry.fabrication.board_drawing import pads
@@ -15,6 +16,9 @@ from geometry.mold import BOLT, BOLT_HOLE, Mold, Sizes
 
 if TYPE_CHECKING:
     from build123d import Solid
+
+AXIS = 9.0
+"""Length on paper of the arrow along which an element measures, mm."""
 
 
 def sheets(design: Design, plan: Plan, parts: Mapping[str, Solid], bodies: Mapping[str, Solid]) -> dict[str, str]:
@@ -45,21 +49,41 @@ def _sensor_sheet(
         side.cut(parts["magnet"], "magnet")
     for body in bodies.values():
         side.cut(body, "part")
-    R, L, H, half = design.R, design.L, design.H, plan.half
+    add_lengths(design, parts, bodies, side, above)
+    side.dims.append(((-plan.half, 0), (-plan.half, -plan.thickness), "left", 2, number(plan.thickness)))
+    above.dims += _outline(plan, 1)
+    for view in (side, above):
+        add_axis(view)
+    magnet = (
+        f"magnet {number(design.magnet_diameter)} x {number(design.magnet_height)} mm, J = {design.remanence:g} T"
+    )
+    notes = [
+        f"{magnet}, north pole {design.magnet_north}" if "magnet" in parts else "no magnet",
+        f"silicone: E = {design.E:g} MPa, nu = {design.nu:g}; glued to the base on z = 0",
+        f"Hall elements: {', '.join(places(design))}; l0, c and f go to their plates, which lie inside the bodies",
+        "section: base hatched, silicone yellow, magnet grey, Hall elements dark",
+    ]
+    return sheet("Sensor", [[side], [above]], notes)
+
+
+def add_lengths(
+    design: Design, parts: Mapping[str, Solid], bodies: Mapping[str, Solid], side: View, above: View
+) -> None:
+    """Add the lengths of a design by their symbols, and the axes along which the elements measure."""
+    R, L, H = design.R, design.L, design.H
     where = places(design)
     x1, _, z1 = next(iter(where.values()))
-    side.dims += [((-R, 0), (R, 0), "above", 0, f"Ø{number(design.D)}")]
-    side.dims += [((-R, 0), (0, L), "left", 1, f"L = {number(L)}"), ((-R, 0), (0, H), "left", 0, number(H))]
+    side.dims += [((-R, 0), (R, 0), "above", 0, f"D = {number(design.D)}")]
+    side.dims += [((-R, 0), (0, L), "left", 1, f"L = {number(L)}"), ((-R, 0), (0, H), "left", 0, f"H = {number(H)}")]
     if "magnet" in parts:
         a, b = design.magnet_diameter / 2, design.magnet_height / 2
-        side.dims.append(((a, H - b), (a, H + b), "right", 1, number(2 * b)))
-        side.dims.append(((-a, H), (a, H), "above", 1, f"magnet Ø{number(2 * a)}"))
+        side.dims.append(((a, H - b), (a, H + b), "right", 1, f"h = {number(2 * b)}"))
+        side.dims.append(((-a, H), (a, H), "above", 1, f"d = {number(2 * a)}"))
     side.dims.append(((0, H), (x1, z1), "right", 0, f"l0 = {number(design.l0)}"))
     if design.hall_layout != "three" and design.chip_x:
         x_text = f"chip_x = {number(design.chip_x)}"
         side.dims.append(((0, z1), (x1, z1), "below", 0, x_text))
         above.dims.append(((0, 0), (x1, 0), "below", 0, x_text))
-    side.dims.append(((-half, 0), (-half, -plan.thickness), "left", 2, number(plan.thickness)))
     above.circle((0, 0), R, "soft")
     if "magnet" in parts:
         above.circle((0, 0), design.magnet_diameter / 2, "thin")
@@ -67,8 +91,14 @@ def _sensor_sheet(
         x, y, _ = where[name]
         if x or y:
             above.projection(body)
-            beside = ((13.0, -6.0) if y else (5.0, -14.0)) if "S2" in where else (-4.0, 16.0 if y < 0 else -16.0)
-            above.labels.append(((x, y), name, beside))
+            if "S2" not in where:
+                above.labels.append(((x, y), name, (-4.0, 16.0 if y < 0 else -16.0)))
+    for view, up in ((side, 2), (above, 1)):
+        for element in of_design(design)[:3]:
+            along = AXIS * element.direction[0], AXIS * element.direction[up]
+            if any(along):
+                at = element.position[0], element.position[up]
+                view.arrows.append((at, along, element.name.split()[-1], "end"))
     if "S2" in where:
         f = design.f
         z23 = where["S2"][2]
@@ -79,19 +109,6 @@ def _sensor_sheet(
             ((0, 0), (f, 0), "below", 0, f"f = {number(f)}"),
             ((0, 0), (0, f), "left", 0, f"f = {number(f)}"),
         ]
-    above.dims += _outline(plan, 1)
-    for view in (side, above):
-        _axis(view)
-    magnet = (
-        f"magnet {number(design.magnet_diameter)} x {number(design.magnet_height)} mm, J = {design.remanence:g} T"
-    )
-    notes = [
-        f"{magnet}, north pole {design.magnet_north}" if "magnet" in parts else "no magnet",
-        f"silicone: E = {design.E:g} MPa, nu = {design.nu:g}; glued to the base on z = 0",
-        f"Hall elements: {', '.join(where)}; l0, c and f go to their plates, which lie inside the bodies",
-        "section: base hatched, silicone yellow, magnet grey, Hall elements dark",
-    ]
-    return sheet("Sensor", [[side], [above]], notes)
 
 
 def _base_sheet(design: Design, plan: Plan, base: Solid, side: View, above: View) -> str:
@@ -139,7 +156,7 @@ def _base_sheet(design: Design, plan: Plan, base: Solid, side: View, above: View
         above.dims.append(((-at, at), (at, at), "above", 0, number(2 * at)))
         notes.insert(0, f"4 holes Ø{number(p.screw)} for screws")
     for view in (side, above, below):
-        _axis(view)
+        add_axis(view)
     return sheet("Base", [[side, above], [below]], notes)
 
 
@@ -175,7 +192,7 @@ def mold_sheet(design: Design, mold: Mold, s: Sizes, A: Solid, pieces: Sequence[
     side.dims += [((vent - radius, s.lid), (vent + radius, s.lid), "above", 0, f"vent Ø{number(s.vent_diameter)}")]
     side.labels += [((-x - s.rim, s.lid / 2), "A", (-5.0, -9.0))]
     side.labels += [((-x - s.rim, s.bottom + 0.5 * s.floor), "B", (-5.0, 9.0))]
-    _axis(side)
+    add_axis(side)
     # along x, or in a split mould along y, two screws lie opposite
     far, near = s.lugs[0].at(s.reach[1]), s.lugs[1].at(s.reach[1])
     if mold.split:
@@ -217,7 +234,7 @@ def _outline(plan: Plan, level: int) -> list[Dimension]:
     return [across, ((-h, -h), (-h, h), "left", level, number(2 * h))]
 
 
-def _axis(view: View) -> None:
+def add_axis(view: View) -> None:
     left, right, low, top = view.box
     over = 0.04 * math.hypot(right - left, top - low)
     view.paths.append(([[Piece((0.0, low - over), (0.0, top + over))]], "axis"))
