@@ -177,6 +177,19 @@ def test_every_command_of_a_gerber_file_is_complete(archive):
             assert "%TF.FileFunction," in text
 
 
+@pytest.mark.parametrize("name", ["paper", "four", "tip"])
+def test_each_pin_of_the_header_and_each_hall_part_is_named(boards, name):
+    made = boards[name]
+    drawn = shapely.MultiLineString(made.ink)
+    for pad in by_name(made)["J1"].pads:
+        above = shapely.box(pad.at[0] - 0.3, pad.at[1] + pad.size[1] / 2, pad.at[0] + 0.3, pad.at[1] + 3)
+        assert drawn.intersects(above)
+    named = sum(len(circuit_board.letters(part.reference, (0, 0))) for part in made.parts[:-1] if not part.below)
+    labels = sum(len(circuit_board.letters(label, (0, 0))) for label in made.labels)
+    axes, triangles = len(circuit_board._axes((0, 0))), sum(not part.below for part in made.parts[:-1])
+    assert len(made.ink) == named + labels + axes + triangles
+
+
 def test_an_outline_with_holes_becomes_one_ring_of_the_same_area(boards):
     for made in boards.values():
         for shape in itertools.chain(*made.pours):

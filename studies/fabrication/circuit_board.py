@@ -18,7 +18,7 @@ import functools
 import itertools
 import math
 import tomllib
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -51,10 +51,8 @@ COURT = 0.25
 """Room round a part that no other part on this side may take."""
 MASK = 0.05
 """Gap of the solder mask round a pad."""
-PEN = 0.12
-"""Width of lines of the silkscreen."""
-LETTER = 0.8
-"""Height of letters."""
+PEN, LETTER = 0.15, 1.0
+"""Width of lines of the silkscreen and height of its letters, the least that low-cost makers print well."""
 BUS, RISE = 0.3, 0.45
 """Distance of SDA and SCL from the middle of a chip, and of its supply's via from the pads."""
 COLUMN = 0.5
@@ -747,13 +745,12 @@ def _ink(made: Board) -> Iterator[tuple[Point, ...]]:
         ]
     )
     inside = made.area.buffer(-SCREEN_GAP)
-    header = made.parts[-1]
-    labels = [
-        letters(label, (pad.at[0], pad.at[1] + pad.size[1] / 2 + 1.8 * LETTER), upright=True)
-        for pad, label in zip(header.pads, made.labels, strict=True)
-    ]
-    groups = [[label] for label in labels]
-    for part in upper:
+    header, groups = made.parts[-1], []
+    size = min(LETTER, 0.65 * (header.pads[1].at[0] - header.pads[0].at[0]))
+    for pad, label in zip(header.pads, made.labels, strict=True):
+        start = pad.at[0], pad.at[1] + pad.size[1] / 2 + 2 * SCREEN_GAP
+        groups.append([letters(label, start, size, upright=True)])
+    for part in upper[:-1]:
         groups.append([_triangle(at) for at in _around(part.pads[0].shape().bounds, 0.55)])
     for part in upper[:-1]:
         groups.append(
@@ -796,19 +793,19 @@ def _axes(at: Point) -> list[tuple[Point, ...]]:
         ((x, y + long), (x, y), (x + long, y)),
         ((x + long - wing, y + wing), (x + long, y), (x + long - wing, y - wing)),
         ((x - wing, y + long - wing), (x, y + long), (x + wing, y + long - wing)),
-        *letters("x", (x + long - 0.2, y + 0.8)),
-        *letters("y", (x + 0.8, y + long - 0.2)),
+        *letters("x", (x + long - 0.2, y + 0.9)),
+        *letters("y", (x + 0.9, y + long - 0.2)),
     ]
 
 
-def letters(text: str, at: Point, *, upright: bool = False) -> list[tuple[Point, ...]]:
-    """Return the strokes of a text about a point, read from left to right, or from below if upright."""
-    strokes = [[(LETTER * x, -LETTER * y) for x, y in stroke] for stroke in _font().render(text)]
+def letters(text: str, at: Point, size: float = LETTER, *, upright: bool = False) -> list[tuple[Point, ...]]:
+    """Return the strokes of a text about a point, or of one that is read from below, with its start there."""
+    strokes = [[(size * x, -size * y) for x, y in stroke] for stroke in _font().render(text)]
     xs, ys = zip(*(point for stroke in strokes for point in stroke), strict=True)
-    u, v = (min(xs) + max(xs)) / 2, (min(ys) + max(ys)) / 2
-    moved: Iterable[list[Point]] = ([(x - u, y - v) for x, y in stroke] for stroke in strokes)
+    u, v = min(xs) if upright else (min(xs) + max(xs)) / 2, (min(ys) + max(ys)) / 2
+    moved = [[(x - u, y - v) for x, y in stroke] for stroke in strokes]
     if upright:
-        moved = ([(-y, x) for x, y in stroke] for stroke in moved)
+        moved = [[(-y, x) for x, y in stroke] for stroke in moved]
     return [tuple((at[0] + x, at[1] + y) for x, y in stroke) for stroke in moved]
 
 
