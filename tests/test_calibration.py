@@ -358,8 +358,8 @@ def test_a_cycle_of_a_calibrated_sensor_holds_its_force_in_the_interval(calibrat
     assert f"E = {found.design.E:.6g} MPa" in strict(text)[0]["notes"][0]
 
 
-def test_the_live_page_shows_the_made_sensor_until_its_design_changes(calibration):
-    found, answers = calibration[0], Answers()
+def test_the_live_page_shows_the_made_sensor_until_its_design_changes(kept, calibration):
+    found, answers = calibration[0], Answers(kept)
     fields = {"E": found.design.E, "remanence": found.design.remanence}
 
     def shown(**changed):

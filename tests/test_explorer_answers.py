@@ -14,6 +14,7 @@ from fem.scene import Scene
 from fem.solve.load_increments import watched
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load
+from studies.mechanics import path_solver, store
 from studies.web import explorer_answers, state_answers, time_answers
 from studies.web.explorer_answers import Answers, KeptPaths
 from studies.web.explorer_state import request_of
@@ -126,8 +127,9 @@ def request(parts=("vibration", "loop"), design=None, **load):
 
 
 @pytest.fixture(scope="module")
-def answers():
-    return Answers()
+def answers(tmp_path_factory):
+    with store.opened(tmp_path_factory.mktemp("answers") / "solved.sqlite") as states:
+        yield Answers(states)
 
 
 def answered(answers, *arguments, **load):
@@ -193,9 +195,9 @@ def test_loads_without_an_answer_get_a_sentence(answers, load, words):
     assert words in message[:1].lower() + message[1:]
 
 
-def test_a_single_branch_has_no_band():
+def test_a_single_branch_has_no_band(kept):
     with pytest.raises(BadInput, match="which is no band"):
-        time_answers.prepare(replace(paper(), prony="0.2:1"), Load(depth=1), "rigid", "quick")
+        time_answers.prepare(replace(paper(), prony="0.2:1"), Load(depth=1), "rigid", "quick", kept)
 
 
 def test_free_sensor_is_shaken(answers):
@@ -231,3 +233,37 @@ def test_the_decoded_force_has_the_errors_of_the_decoder_in_its_half_width():
     assert min(exact) > 0
     assert exact == pytest.approx([errors[1], errors[1], errors[2]])
     assert all(one > own for one, own in zip(unsure, exact, strict=True))
+
+
+def told(file, parts, **load):
+    """What a process with this store says of a state, without pictures and times."""
+    with store.opened(file, later=True) as states:
+        found = [one for one in Answers(states).all_of(request(parts, **load), "quick") if one is not None]
+    return [(part, {key: data[key] for key in data if key not in ("section", "seconds")}) for part, _, data in found]
+
+
+@pytest.mark.parametrize(
+    ("parts", "load"),
+    [
+        (("state", "curve", "stability", "vibration", "loop"), {"frequency": 300, "speed": 2}),
+        (("state",), {"shear": 0.2, "direction": 30}),
+    ],
+    ids=["press", "shear"],
+)
+def test_another_process_finds_the_numbers_of_a_page_in_the_store(parts, load, tmp_path, monkeypatch):
+    tasks, solve = [], path_solver.solved
+    monkeypatch.setattr(path_solver, "solved", lambda task, *more: tasks.append(task) or solve(task, *more))
+    first = told(tmp_path / "solved.sqlite", parts, **load)
+    assert {task.kind for task in tasks} >= {"states"}
+    tasks.clear()
+    assert told(tmp_path / "solved.sqlite", parts, **load) == first
+    assert not tasks
+
+
+def test_a_state_where_the_path_stops_is_shown_as_it_is_and_not_kept(tmp_path):
+    deep = {"design": {"L": 6.5, "l0": 6.0, "magnet_height": 1.0}, "depth": 5.45}
+    for _ in range(2):
+        ((_, data), *_) = told(tmp_path / "solved.sqlite", ["state"], **deep)
+        assert data["status"] == "not_converged"
+    with store.opened(tmp_path / "solved.sqlite") as states:
+        assert states.counts() == (0, 0)

@@ -26,11 +26,12 @@ from worker_tasks import children, gone, until
 from analytic import hall
 from fem.accuracy import LEVELS
 from fem.equilibrium import solve
+from fem.scene import Scene
 from geometry.design import BadInput, Design
 from studies.cli import commands
 from studies.fabrication import sensor_parts
 from studies.inputs import user_input
-from studies.mechanics import executor
+from studies.mechanics import executor, path_solver, store
 from studies.web import explorer_answers, explorer_server, explorer_state, explorer_workers, state_exports
 
 PATIENCE = 60.0
@@ -92,9 +93,15 @@ def loop():
 
 
 @pytest.fixture(scope="module")
-def running(loop):
+def kept_states(tmp_path_factory):
+    """The file in which the server keeps states."""
+    return tmp_path_factory.mktemp("server") / "solved.sqlite"
+
+
+@pytest.fixture(scope="module")
+def running(loop, kept_states):
     async def begin():
-        return explorer_server.Server()
+        return explorer_server.Server(store=kept_states)
 
     running = loop.run_until_complete(begin())
     yield running
@@ -210,15 +217,15 @@ def test_bug_is_said_to_the_page_that_met_it_before_the_next_job_begins(loop, mo
     assert "LinAlgError: Singular matrix" in errors
 
 
-def test_a_bug_leaves_nothing_that_is_kept(monkeypatch):
-    kept = explorer_answers.Answers()
-    monkeypatch.setattr(kept, "all_of", lambda *_: 1 / 0)
-    kept._kept.get("curve", float)
-    monkeypatch.setattr(explorer_workers, "_answers", lambda background: kept)
+def test_a_bug_leaves_nothing_that_is_kept(monkeypatch, kept):
+    answers = explorer_answers.Answers(kept)
+    monkeypatch.setattr(answers, "all_of", lambda *_: 1 / 0)
+    answers._kept.get("curve", float)
+    monkeypatch.setattr(explorer_workers, "_answers", lambda: answers)
     monkeypatch.setattr(explorer_workers, "_talks", [explorer_workers.Talk(multiprocessing.Pipe()[0])])
     with pytest.raises(ZeroDivisionError):
         explorer_workers.do(explorer_workers.Job(explorer_state.request_of({}), "quick"))
-    assert not kept._kept.values
+    assert not answers._kept.values
 
 
 def test_processes_that_never_start_are_said_to_every_request(loop, monkeypatch, capfd):
@@ -347,7 +354,7 @@ def test_newer_requests_replace_older_ones(loop, live):
     assert {one["number"] for one in answers if one.get("level") == "standard"} == {numbers[-1]}
 
 
-def test_exports_open_again(loop, page, tmp_path):
+def test_exports_open_again(loop, page, tmp_path, kept_states):
     async def files():
         return {
             name: await page.export(name, SHEARED) for name in ("design.toml", "state.csv", "curve.csv", "fields.vtu")
@@ -364,6 +371,9 @@ def test_exports_open_again(loop, page, tmp_path):
     assert float(row["force_N_3"]) == pytest.approx(solution.response.force[2], rel=1e-9)
     curve = list(csv.DictReader(io.StringIO(answers["curve.csv"].body.decode())))
     assert float(curve[-1]["force_half_width_N"]) > 0
+    kept = path_solver.place(Scene(state.design, (state.load,), LEVELS["quick"]))
+    with store.opened(kept_states) as states:
+        assert states.states(kept.content)[kept.at].answer["response"]["force"][2] == float(row["force_N_3"])
     import pyvista as pv
 
     grid = pv.read(tmp_path / "fields.vtu")

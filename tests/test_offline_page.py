@@ -1,5 +1,7 @@
 """The explorer's page as one file: its answers against solves, and the page in Chromium."""
 
+import base64
+import gzip
 import json
 import math
 import re
@@ -15,6 +17,7 @@ from fem.accuracy import QUICK
 from fem.equilibrium import solve
 from geometry.design import Design, paper
 from geometry.loads import Load
+from studies.mechanics import path_solver, store
 from studies.output import atomic_files
 from studies.web import offline_page
 
@@ -39,14 +42,32 @@ def written(design, folder, stops):
         patch.setattr(offline_page, "LEVEL", "quick")
         # critical depth and modes by finite elements, which the server's tests hold, take longer than all else
         patch.setattr(offline_page.state_answers, "by_finite_elements", lambda *_: {"rows": [], "message": ""})
-        states = offline_page.answers(design, offline_page.magnet_of(design), stops, COARSE)
-        atomic_files.write_text(folder / "explorer.html", offline_page.page(design, stops, states))
+        with store.opened(folder / "solved.sqlite") as kept:
+            states = offline_page.answers(design, offline_page.magnet_of(design), stops, COARSE, kept)
+            text = offline_page.page(design, stops, states, kept)
+        atomic_files.write_text(folder / "explorer.html", text)
     return folder / "explorer.html"
+
+
+def data_of(file):
+    """The data in a page."""
+    packed = re.search(r'MAGTIP_OFFLINE = "([^"]+)"', file.read_text("utf-8"))[1]
+    return json.loads(gzip.decompress(base64.b64decode(packed)))
 
 
 @pytest.fixture(scope="module")
 def file(tmp_path_factory):
     return written(paper(), tmp_path_factory.mktemp("page"), STOPS)
+
+
+def test_a_second_export_solves_for_bodies_only_and_says_the_same(file, monkeypatch):
+    first = data_of(file)
+    monkeypatch.setattr(path_solver, "solved", lambda *_: 1 / 0)
+    again = data_of(written(paper(), file.parent, STOPS))
+    assert again["curve"] == first["curve"]
+    for row, before in zip(again["states"], first["states"], strict=True):
+        for one, other in zip(row, before, strict=True):
+            assert one.get("directions", one) == other.get("directions", other)
 
 
 @pytest.fixture(scope="module")

@@ -17,7 +17,7 @@ from geometry.bad_input import no_effect
 from geometry.design import BadInput, Design
 from geometry.messages import Progress
 from studies.cli.parameters import Call, Source, say_if_without_magnet, verb
-from studies.inputs.option_groups import Calibration, Sensitivity, Solves, Sweep, Whole
+from studies.inputs.option_groups import Calibration, Sensitivity, Solves, StoreFile, Sweep, Whole
 from studies.inputs.user_input import warn_of_values
 from studies.models import choice
 from studies.output import atomic_files, console, own_files, provenance
@@ -198,6 +198,7 @@ def explore(
     no_browser: bool = False,
     export: Path | None = None,
     calibration: Calibration | None = None,
+    store: StoreFile | None = None,
 ) -> int:
     """Open a page on which a sensor and its load are changed by hand, solved by finite elements meanwhile.
 
@@ -220,6 +221,7 @@ def explore(
         raise BadInput(f"--export writes a file without a server, for which {option} has no meaning: leave it out")
     if export is not None and calibration is not None:
         raise BadInput("--calibration works with the page of a server: leave --export out")
+    atomic_files.check_apart([export, store], [source, calibration])
     from studies.web import required_margins
 
     with console.progress(as_json=False) as progress:
@@ -232,10 +234,10 @@ def explore(
         design = made.design
     warn_of_values(design)
     if export is not None:
-        _export(design, export)
+        _export(design, export, store)
         return GOOD
     load = {} if needed is None else required_margins.opening_load(design, needed)
-    serve_page(design, port=port, needed=needed, made=made, load=load, no_browser=no_browser)
+    serve_page(design, port=port, needed=needed, made=made, load=load, no_browser=no_browser, store=store)
     return GOOD
 
 
@@ -248,6 +250,7 @@ def serve_page(
     made: Fit | None = None,
     load: Mapping[str, float] = MappingProxyType({}),
     no_browser: bool = False,
+    store: Path | None = None,
 ) -> None:
     """Serve the page of a design, and open it in the user's browser, until Ctrl-C."""
     from studies.web import explorer_server, state_exports
@@ -261,15 +264,16 @@ def serve_page(
             if not no_browser:
                 _open(address, Path(folder, "explorer.html"))
 
-        explorer_server.serve(changed, port, needed, made, ready, measuring)
+        explorer_server.serve(changed, port, needed, made, ready, measuring, store)
 
 
-def _export(design: Design, path: Path) -> None:
+def _export(design: Design, path: Path, store: Path | None) -> None:
+    from studies.mechanics import store as stores
     from studies.web import offline_page
 
     file = atomic_files.check_output_file(path, ".html", ".htm")
-    with console.progress(as_json=False) as progress:
-        offline_page.write(design, file, progress)
+    with console.progress(as_json=False) as progress, stores.opened(store) as states:
+        offline_page.write(design, file, states, progress)
     console.note(f"{file}: open it in a browser; it needs no server and no network")
 
 

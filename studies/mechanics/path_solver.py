@@ -276,10 +276,16 @@ Reached = tuple[State, Solution | None]
 """A state for the store, and the solution with its deformed body, or None where there is none."""
 
 
-def solved(task: Task, progress: Progress | None = None) -> Iterator[Reached]:
+Walk = Callable[..., Iterator[Solution]]
+"""Follows the loads of a scene: `fem.equilibrium.walk`, or one that keeps what it needs for another path."""
+
+
+def solved(task: Task, progress: Progress | None = None, walk: Walk | None = None) -> Iterator[Reached]:
     """Solve a task, and yield each state as soon as it is reached; then those that are not reached.
 
     A load on which the path stops is tried again in smaller steps, and those behind it with it.
+
+    walk : follows paths of states; default: `fem.equilibrium.walk`.
     """
     if task.kind == "force":
         yield from _held(task, progress)
@@ -292,7 +298,9 @@ def solved(task: Task, progress: Progress | None = None) -> Iterator[Reached]:
     end: tuple[str, str, Solution | None] = ("", "", None)
     for retried in (False, True):
         ends = list[tuple[str, str, Solution | None]]()
-        for load, one in zip([*steps, *left], _followed(scene, [*steps, *left], task, ends, progress), strict=False):
+        for load, one in zip(
+            [*steps, *left], _followed(scene, [*steps, *left], task, ends, progress, walk), strict=False
+        ):
             if load not in steps:
                 state = _state(scene, load, one, ratios=task.ratios)
                 if retried:
@@ -358,13 +366,14 @@ def _followed(
     task: Task,
     ends: list[tuple[str, str, Solution | None]],
     progress: Progress | None,
+    walk: Walk | None,
 ) -> Iterator[Solution]:
     """Follow a path; the status, message and last solution of its end, if it stops, are added to `ends`."""
     from fem import equilibrium
 
     path = replace(scene, loads=tuple(loads))
     try:
-        for one in equilibrium.walk(path, ratios=task.ratios, progress=progress):
+        for one in (walk or equilibrium.walk)(path, ratios=task.ratios, progress=progress):
             if one.status not in ANSWERED:
                 ends.append((one.status, one.message, one))
                 return
@@ -383,7 +392,7 @@ def _smaller_steps(load: Load, solved: Sequence[Position], D: float) -> list[Loa
 
 
 @functools.cache
-def _origin() -> str:
+def origin() -> str:
     """Return versions and commit, which take longer to find than some presses to solve, once per process."""
     return versions()
 
@@ -447,7 +456,7 @@ def _stored(
     """Return a state with its answer and what was solved; the only one of a path has no load of its own."""
     at = (0.0, 0.0) if load is None else position_of(load, scene.design.D)
     solved = problem_of(scene.design, load or scene.loads[0], motion, options)
-    return State(*at, outcome, status, solved | answer, seconds, _origin())
+    return State(*at, outcome, status, solved | answer, seconds, origin())
 
 
 def problem_of(

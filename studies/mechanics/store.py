@@ -28,7 +28,9 @@ import hashlib
 import json
 import math
 import os
+import queue
 import sqlite3
+import threading
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -186,12 +188,21 @@ class Store:
     def __init__(self, file: Path, *connections: sqlite3.Connection, optional: bool = False) -> None:
         self.file, self._connections, self._optional = file, connections, optional
 
-    def states(self, content: Content) -> dict[Position, State]:
-        """Return all states of a path by their positions; those that are damaged are left out, with a warning."""
+    def states(self, content: Content, at: Iterable[Position] | None = None) -> dict[Position, State]:
+        """Return states of a path by their positions, default: all; those that are damaged are left out, with a
+        warning."""
         path = key(content)
         query = f"SELECT {READ} FROM state JOIN path ON path.id = state.path WHERE path.key = ?"
+        queries: list[tuple[str, tuple[Any, ...]]] = [(query, (path,))]
+        if at is not None:
+            queries = [(f"{query} AND depth = ? AND shear = ?", (path, *position)) for position in at]
         with refusals(self.file):
-            rows = [row for each in self._connections[::-1] for row in each.execute(query, (path,)).fetchall()]
+            rows = [
+                row
+                for each in self._connections[::-1]
+                for query in queries
+                for row in each.execute(*query).fetchall()
+            ]
         states = [stored(path, row) for row in rows]
         if None in states:
             console.warn(
@@ -199,6 +210,16 @@ class Store:
                 "it is solved again where it is needed (magtip store check says what else is damaged)"
             )
         return {state.position: state for state in states if state is not None}
+
+    def reached(self, content: Content) -> list[Position]:
+        """Return the positions of a path at which a state was reached."""
+        query = "SELECT depth, shear FROM state JOIN path ON path.id = path WHERE key = ? AND outcome = 'ok'"
+        with refusals(self.file):
+            return [
+                position(*row)
+                for each in self._connections
+                for row in each.execute(query, (key(content),)).fetchall()
+            ]
 
     def add(self, content: Content, states: Iterable[State]) -> None:
         """Add states of a path, see `add_many`; a file on a disk takes some ms for each call."""
@@ -261,28 +282,76 @@ def default() -> Path:
     return platformdirs.user_data_path("magtip", appauthor=False) / "states.sqlite"
 
 
+class WrittenLater(Store):
+    """A store that a thread writes: who adds a state waits neither for the disk nor for another process."""
+
+    def __init__(self, file: Path, connection: sqlite3.Connection, *, optional: bool) -> None:
+        super().__init__(file, connection, optional=optional)
+        self._added: dict[str, dict[Position, State]] = {}
+        self._queue: queue.SimpleQueue[tuple[Content, list[State]] | None] = queue.SimpleQueue()
+        self._thread = threading.Thread(target=self._write_all, daemon=True)
+        self._thread.start()
+
+    def states(self, content: Content, at: Iterable[Position] | None = None) -> dict[Position, State]:
+        """Return states of a path, those too that are not yet written."""
+        places = None if at is None else set(at)
+        added = self._added.get(key(content), {})
+        added = {at: state for at, state in added.items() if places is None or at in places}
+        return super().states(content, None if places is None else places - added.keys()) | added
+
+    def add_many(self, paths: Iterable[tuple[Content, Iterable[State]]]) -> None:
+        """Add states of several paths, which are soon on the disk."""
+        for content, states in paths:
+            added = [as_stored(state) for state in states]
+            self._added.setdefault(key(content), {}).update({state.position: state for state in added})
+            self._queue.put((content, added))
+
+    def close(self) -> None:
+        """Wait until all is written."""
+        self._queue.put(None)
+        self._thread.join()
+
+    def _write_all(self) -> None:
+        try:
+            with writable(self.file) as connection:
+                store = Store(self.file, connection, optional=self._optional)
+                for content, states in iter(self._queue.get, None):
+                    store.add(content, states)
+        except BadInput as error:
+            _say_unkept(error)
+
+
 @contextlib.contextmanager
-def opened(file: Path | str | None) -> Iterator[Store]:
+def opened(file: Path | str | None, *, later: bool = False, said: bool = False) -> Iterator[Store]:
     """Open a store, default: the user's; a file that does not exist is made.
 
     Where the user's cannot be written, a warning says so, and it is read only.
+
+    later : a thread writes what is added (`WrittenLater`).
+    said : the user knows already that it cannot be written.
     """
     path = Path(file or default())
     with contextlib.ExitStack() as stack:
         try:
-            connections, optional = [stack.enter_context(writable(path))], file is None
+            connection = stack.enter_context(writable(path))
         except Unwritable as error:
             if file is not None:
                 raise
-            _say_unkept(error)
-            connections, optional = [stack.enter_context(contextlib.closing(_in_memory()))], False
+            if not said:
+                _say_unkept(error)
+            connections = [stack.enter_context(contextlib.closing(_in_memory()))]
             if os.path.exists(path):
                 with contextlib.suppress(Unwritable):
                     connections.append(stack.enter_context(readable(path)))
-        yield Store(path, *connections, optional=optional)
+            yield Store(path, *connections)
+            return
+        if later:
+            yield stack.enter_context(contextlib.closing(WrittenLater(path, connection, optional=file is None)))
+        else:
+            yield Store(path, connection, optional=file is None)
 
 
-def _say_unkept(error: Unwritable) -> None:
+def _say_unkept(error: BadInput) -> None:
     console.warn(f"{error}; what is solved here is not kept")
 
 

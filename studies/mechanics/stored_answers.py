@@ -36,12 +36,12 @@ def asked(place: Place, store: Store, values: Iterable[str] = (), progress: Prog
 
     values : names that it must have; one that was stored without them is solved again.
     """
-    state = store.states(place.content).get(place.at)
+    state = store.states(place.content, [place.at]).get(place.at)
     if state is None or state.outcome == "transient" or path_solver.lacks(state, values):
         ((solved, _),) = path_solver.solved(path_solver.task(1, place, [place.at]), progress)
         store.add(place.content, [solved])
         # read as it is stored, so that it has the same digits the next time
-        state = store.states(place.content)[place.at]
+        state = store.states(place.content, [place.at])[place.at]
     design = place.scene.design
     answer = path_solver.answer(state, place.scene.accuracy.section_size)
     return answer.of(design.D, design.E_now, place.direction)
@@ -128,16 +128,20 @@ def is_kept(scene: Scene) -> bool:
     return scene.mesh is None and not (scene.coulomb is not None and back)
 
 
-def walked(scene: Scene, store: Store, progress: Progress | None = None) -> Iterator[Solution | SolveFailed]:
+def walked(
+    scene: Scene, store: Store, progress: Progress | None = None, walk: path_solver.Walk | None = None
+) -> Iterator[Solution]:
     """Yield the solution of each load of a scene of kept states, until the path stops, with error estimates.
 
-    It ends with the last state that was reached, or with the reason why there is none (no mesh). Each state is kept
-    as soon as it is reached, so that an interrupted path continues there. A solution that was found in the store has
-    no field.
+    It ends with the last state that was reached, or with SolveFailed where there is none (no mesh). Each state is
+    kept as soon as it is reached, so that an interrupted path continues there. A solution that was found in the store
+    has no field.
+
+    walk : follows what the store lacks; default: `fem.equilibrium.walk`.
     """
     places = [path_solver.place(replace(scene, loads=(load,))) for load in scene.loads]
     content, wanted = places[0].content, ("sideways_stiffness_ratio",)
-    states = store.states(content)
+    states = store.states(content, {one.at for one in places})
     lacking = {
         one.at
         for one in places
@@ -145,10 +149,12 @@ def walked(scene: Scene, store: Store, progress: Progress | None = None) -> Iter
         or state.outcome == "transient"
         or path_solver.lacks(state, wanted, whole=True)
     }
-    reached = sorted(at for at, state in states.items() if state.outcome == "ok" and at not in lacking)
     fresh: dict[Position, Solution | None] = {}
-    task = path_solver.task(1, places[0], sorted(lacking), reached, ratios=True) if lacking else None
-    solving = iter(()) if task is None else path_solver.solved(task, progress)
+    solving: Iterator[path_solver.Reached] = iter(())
+    if lacking:
+        reached = sorted({*store.reached(content)} - lacking)
+        task = path_solver.task(1, places[0], sorted(lacking), reached, ratios=True)
+        solving = path_solver.solved(task, progress, walk)
     for load, at_place in zip(scene.loads, places, strict=True):
         while at_place.at in lacking:
             state, solved = next(solving)
@@ -158,9 +164,21 @@ def walked(scene: Scene, store: Store, progress: Progress | None = None) -> Iter
         state = states[at_place.at]
         found = path_solver.solution(state, at_place, load, scene.design)
         if found is None:
-            yield SolveFailed(state.answer["message"])
-            return
+            raise SolveFailed(state.answer["message"])
         body = fresh.get(at_place.at)
         yield found if body is None else replace(found, field=body.field)
         if state.outcome != "ok":
             return
+
+
+def with_bodies(scene: Scene, store: Store) -> list[Solution]:
+    """Return what `walked` yields, with the deformed bodies, which are solved for without error estimates where the
+    states came from the store."""
+    from fem import equilibrium
+
+    states = list(walked(scene, store))
+    lacking = [state.load for state in states if state.field is None]
+    if not lacking:
+        return states
+    bodies = {one.load: one.field for one in equilibrium.walk(replace(scene, loads=tuple(lacking)), estimate=False)}
+    return [replace(state, field=state.field or bodies.get(state.load)) for state in states]

@@ -276,10 +276,7 @@ def _walked(scene: Scene, store: Path | None, progress: Progress) -> Iterator[So
         yield from equilibrium.walk(scene, progress=progress)
         return
     with stores.opened(store) as states:
-        for one in stored_answers.walked(scene, states, progress):
-            if isinstance(one, SolveFailed):
-                raise one
-            yield one
+        yield from stored_answers.walked(scene, states, progress)
 
 
 def _read_mesh(design: Design, method: Method) -> tuple[Method, Any]:

@@ -11,6 +11,10 @@ remanence or the Hall elements, find the state that is there already.
 While a hand moves, the picture may start at the last state instead, which takes half the time. Without Coulomb
 friction equilibrium depends on the load alone, so both ways differ by the tolerance of Newton's method only. The
 answer with error estimates, which follows when the hand rests, always takes the first way.
+
+Numbers with error estimates, curve, stability, vibration and loop come from the store of solved states and are kept
+there, by a thread that the answers do not wait for. The pictures show the deformed body, which the store does not
+hold: it is solved for each time, and so is a state where the path stops.
 """
 
 from __future__ import annotations
@@ -20,6 +24,7 @@ import json
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -37,6 +42,8 @@ from fem.solve.path_state import PathState
 from geometry.bad_input import SolveFailed
 from geometry.design import OF_READINGS, OF_TIME, BadInput, Design
 from geometry.loads import ANSWERED
+from studies.mechanics import path_solver, stored_answers
+from studies.mechanics.store import Store
 from studies.mechanics.study_cases import Recent
 from studies.web import (
     state_answers,
@@ -61,8 +68,8 @@ MOST_PATHS = 4
 class Answers:
     """Computes parts in one process, and keeps paths and what depends on the design alone."""
 
-    def __init__(self) -> None:
-        self.paths = KeptPaths()
+    def __init__(self, store: Store) -> None:
+        self.paths, self._store = KeptPaths(), store
         self._kept: Recent[Any] = Recent(MOST_RESULTS)
         self._design: dict[str, Any] = {}
         self._vibrating: tuple[Any, time_answers.Vibrating] | None = None
@@ -96,7 +103,9 @@ class Answers:
         state = request.state
         if name == "curve.csv":
             return state_exports.of_curve(self._curve(request, state.level))
-        solution = self.paths.with_estimates(state, state.level)
+        scene = _scene_of(state, state.level)
+        # the deformed body is not in the store
+        solution = self.paths.solve(scene) if name == "fields.vtu" else self._estimated(scene)
         return state_exports.of_solution(name, state, solution, sensor_of(request))
 
     def forget(self) -> None:
@@ -111,7 +120,8 @@ class Answers:
         state, parts, made = request.state, request.parts, sensor_of(request)
         calibration = state_answers.NOT_CALIBRATED if request.made is not None and made is None else ""
         decoder = self._kept.values.get(("decoder", state.design))
-        solution = self.paths.of_state(state, level)
+        scene = _scene_of(state, level)
+        solution = self.paths.solve(scene, moving=level == "quick")
         section = (
             {"section": state_pictures.section(state.design, solution, state.magnet)} if "state" in parts else {}
         )
@@ -127,13 +137,20 @@ class Answers:
         if "sensor3d" in parts:
             yield "sensor3d", level, state_pictures.surface(solution)
         if "state" in parts:
-            solution = self.paths.with_estimates(state, level)
-            section = {"section": state_pictures.section(state.design, solution, state.magnet)}
+            stops = solution.status not in ANSWERED
+            solution = self.paths.solve(scene, sideways=True) if stops else self._estimated(scene)
+            if solution.field is not None:
+                section = {"section": state_pictures.section(state.design, solution, state.magnet)}
             yield answer()
             if decoder is None and made is None and state.design.shape.has_magnet:
                 yield None
                 decoder = self._kept.get(("decoder", state.design), lambda: state_answers.build_decoder(state.design))
                 yield answer()
+
+    def _estimated(self, scene: Scene) -> Solution:
+        """Return the solution of a scene with one load, with error estimates; without its field from the store."""
+        (found,) = stored_answers.walked(scene, self._store, walk=self.paths.walk)
+        return found
 
     def _curve(self, request: Request, level: str) -> Data:
         """Return the curve; at level quick its error estimates follow only if it is not refined."""
@@ -142,7 +159,7 @@ class Answers:
         key = ("curve", mechanics(state.design), state.magnet, level, estimate, made is None)
 
         def curve() -> Data:
-            return state_answers.curve(state.design, state.magnet, level, made, estimate=estimate)
+            return state_answers.curve(state.design, state.magnet, level, self._store if estimate else None, made)
 
         data: Data = self._kept.get(key, curve)
         return data
@@ -156,8 +173,8 @@ class Answers:
             if data is not None:
                 yield "stability", "surrogate", data
         if level == state.level:
-            compute = state_answers.by_finite_elements
-            yield "stability", level, self._kept.get(key, lambda: compute(design, magnet, level))
+            compute = partial(state_answers.by_finite_elements, design, magnet, level, self._store)
+            yield "stability", level, self._kept.get(key, compute)
 
     def _margins(self, request: Request) -> Data:
         from studies.web import required_margins
@@ -174,7 +191,7 @@ class Answers:
         try:
             if self._vibrating is None or self._vibrating[0] != key:
                 self._vibrating = None
-                self._vibrating = key, time_answers.prepare(*key)
+                self._vibrating = key, time_answers.prepare(*key, self._store)
             data = time_answers.vibration(self._vibrating[1], state.frequency)
         except (BadInput, SolveFailed) as error:
             data = time_answers.refusal(str(error))
@@ -197,7 +214,7 @@ class Answers:
         if key not in self._kept.values:
             yield "loop", "linear", time_answers.linear_loop(state, motion)
         if level == state.level:
-            yield "loop", level, self._kept.get(key, lambda: time_answers.loop(state, motion, made))
+            yield "loop", level, self._kept.get(key, lambda: time_answers.loop(state, motion, self._store, made))
 
 
 def sensor_of(request: Request) -> Fit | None:
@@ -239,17 +256,16 @@ class KeptPaths:
     def __init__(self) -> None:
         self._kept: dict[str, _Kept] = {}
 
-    def of_state(self, state: ExplorerState, level: str) -> Solution:
-        """Return the solution of a state without error estimates; at level quick it may start at the last state."""
-        return self.solve(_scene_of(state, level), moving=level == "quick")
-
-    def with_estimates(self, state: ExplorerState, level: str) -> Solution:
-        """Return the solution with error estimates and a check of its stability, as `fem.equilibrium.solve` does."""
-        scene = _scene_of(state, level)
-        solution = self.solve(scene, sideways=True)
-        if solution.status not in ANSWERED:
-            return solution
-        return with_estimates(solution, self.solve(replace(scene, accuracy=coarser(LEVELS[level]))), scene)
+    def walk(self, scene: Scene, **_: Any) -> Iterator[Solution]:
+        """Yield the solution of each load with error estimates and a check of its stability, as
+        `fem.equilibrium.walk` does; each begins where that of a single load does."""
+        for load in scene.loads:
+            alone = replace(scene, loads=(load,))
+            solution = self.solve(alone, sideways=True)
+            if solution.status in ANSWERED:
+                coarse = replace(alone, accuracy=coarser(scene.accuracy))
+                solution = with_estimates(solution, self.solve(coarse), alone)
+            yield solution
 
     def solve(self, scene: Scene, *, sideways: bool = False, moving: bool = False) -> Solution:
         """Return the solution of a scene with one load, without error estimates.
@@ -259,7 +275,9 @@ class KeptPaths:
         sideways : check whether an axisymmetric press would be stable sideways, which takes longer than the press.
         moving : start at the last state if it is nearer than the first one.
         """
-        begin, key, name = time.perf_counter(), _key(scene), json.dumps(scene.dimensionless())
+        # the path of a shear is the same in all directions
+        begin, alike = time.perf_counter(), path_solver.place(scene).scene
+        key, name = _key(alike), json.dumps(alike.dimensionless())
         kept = self._kept.pop(key, None)
         if kept is None:
             path = Path(path_models(scene))

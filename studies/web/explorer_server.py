@@ -29,6 +29,7 @@ import tornado.websocket
 
 from geometry.design import BadInput, paper
 from studies.inputs import user_input
+from studies.mechanics import store as stores
 from studies.output.bounded_files import json_in
 from studies.web import explorer_workers, state_exports
 from studies.web.explorer_state import Request, explorer_fields, request_of, wrong_field
@@ -72,6 +73,7 @@ class Server:
     needed : requirements whose margins the pages show.
     made : calibrated sensor whose forces and readings they show.
     zero : called when a page asks for a zero of the stream that it shows.
+    store : file of solved states; default: the user's.
     """
 
     def __init__(
@@ -81,6 +83,7 @@ class Server:
         needed: Requirements | None = None,
         made: Fit | None = None,
         zero: Callable[[], None] | None = None,
+        store: Path | None = None,
     ) -> None:
         if not 0 <= port <= 65535:
             raise BadInput(f"--port must lie between 0 (any free one) and 65535; got {port}")
@@ -92,7 +95,7 @@ class Server:
                 f"port {port} cannot be used ({cause}): choose another --port, or 0 for a free one"
             ) from None
         self.needed, self.made, self.zero = needed, made, zero
-        self.workers = explorer_workers.Workers(asyncio.get_running_loop())
+        self.workers = explorer_workers.Workers(asyncio.get_running_loop(), store)
         self.pages: set[Live] = set()
         # held by the one export of a mould that runs
         self.molding = asyncio.Lock()
@@ -337,11 +340,15 @@ def serve(
     made: Fit | None,
     ready: Callable[[str], None],
     measuring: Measuring | None = None,
+    store: Path | None = None,
 ) -> None:
     """Serve the page until Ctrl-C; `ready` takes its address when the server listens, for the rest see `Server`."""
+    # a store that cannot be used is refused, or said to keep nothing, before the processes open it
+    with stores.opened(store):
+        pass
 
     async def served() -> None:
-        running = Server(changed, port, needed, made, measuring.zero if measuring else None)
+        running = Server(changed, port, needed, made, measuring.zero if measuring else None, store)
         thread: threading.Thread | None = None
         stop, loop = asyncio.Event(), asyncio.get_running_loop()
         for number in (signal.SIGINT, signal.SIGTERM):

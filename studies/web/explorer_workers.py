@@ -19,6 +19,7 @@ import time
 import traceback
 from collections.abc import Callable, Hashable
 from multiprocessing.connection import Connection
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from geometry.design import BadInput
@@ -51,8 +52,7 @@ Send = Callable[[str], None]
 class Job(NamedTuple):
     """A request, the level of its answers, the name of an export or "", and the time of its receipt by the server.
 
-    The process gives it a number, and says whether its jobs are in the background, where they leave the processor to
-    others.
+    The process gives it a number.
     """
 
     request: Request
@@ -60,7 +60,6 @@ class Job(NamedTuple):
     export: str = ""
     asked: float = 0.0
     number: int = 0
-    background: bool = False
 
 
 class GivenUp(Exception):
@@ -68,10 +67,15 @@ class GivenUp(Exception):
 
 
 class Talk:
-    """The connection of this process to the server, whose jobs it does one after the other."""
+    """The connection of this process to the server, whose jobs it does one after the other.
 
-    def __init__(self, server: Connection) -> None:
+    store : file of solved states; default: the user's.
+    background : whether the jobs leave the processor to others.
+    """
+
+    def __init__(self, server: Connection, store: Path | None = None, *, background: bool = False) -> None:
         self._server, self._given_up = server, -1
+        self.store, self.background = store, background
 
     def say(self, content: str) -> None:
         """Send an answer of the job that runs."""
@@ -89,19 +93,28 @@ _talks: list[Talk] = []
 """The connection of this process, if it does jobs of a server."""
 
 
-def begin_talk(server: Connection) -> None:
+_open = contextlib.ExitStack()
+"""Holds the store of this process open."""
+
+
+def begin_talk(server: Connection, store: Path | None, background: bool) -> None:
     """Note the connection of this new process to the server."""
-    _talks.append(Talk(server))
+    _talks.append(Talk(server, store, background=background))
 
 
 @functools.cache
-def _answers(background: bool) -> Answers:
+def _answers() -> Answers:
     """Return what this process keeps, after it has imported and compiled what requests need by small solves."""
+    from studies.mechanics import path_solver
+    from studies.mechanics import store as stores
     from studies.web.explorer_answers import Answers
 
-    if background and hasattr(os, "nice"):
+    talk = _talks[-1]
+    if talk.background and hasattr(os, "nice"):
         os.nice(10)
-    answers = Answers()
+    answers = Answers(_open.enter_context(stores.opened(talk.store, later=True, said=True)))
+    # found once for a process, in the time of some pictures
+    path_solver.origin()
     for load in ({"depth": 0.5}, {"depth": 0.5, "shear": 0.2}):
         # the first answer is the picture
         next(answers.all_of(request_of({"parts": ["state", "sensor3d"], "state": {"load": load}}), "quick"))
@@ -110,16 +123,16 @@ def _answers(background: bool) -> Answers:
     return answers
 
 
-def warm(background: bool) -> None:
+def warm(_: None) -> None:
     """Make a worker process ready for its first job."""
-    _answers(background)
+    _answers()
 
 
 def do(job: Job) -> bytes | None:
     """Do a job in a worker process, which says each answer as soon as it is ready; return the file of an export."""
     from fem.solve.load_increments import watched
 
-    answers, run = _answers(job.background), _Run(job)
+    answers, run = _answers(), _Run(job)
     try:
         with watched(run.watch):
             if job.export:
@@ -210,8 +223,10 @@ class Asked(NamedTuple):
 class PageWorker:
     """One worker process, started again if it dies, and the jobs that wait for it, in the order of their keys."""
 
-    def __init__(self, loop: asyncio.AbstractEventLoop, *, background: bool = False) -> None:
-        self._loop, self._background = loop, background
+    def __init__(
+        self, loop: asyncio.AbstractEventLoop, store: Path | None = None, *, background: bool = False
+    ) -> None:
+        self._loop, self._store, self._background = loop, store, background
         self._waiting: dict[Key, Asked] = {}
         self._arrived = asyncio.Event()
         self._running: Key = None
@@ -248,7 +263,7 @@ class PageWorker:
 
     def _begin(self) -> None:
         self._ours, self._theirs = multiprocessing.Pipe()
-        self._process = WorkerProcess(1, begin_talk, self._theirs)
+        self._process = WorkerProcess(1, begin_talk, self._theirs, self._store, self._background)
 
     def _end(self) -> None:
         if not self._ours.closed:
@@ -262,7 +277,7 @@ class PageWorker:
         failures, ending = 0, ""
         while failures <= MOST_STARTS:
             try:
-                _, error, _ = await self._call(warm, self._background)
+                _, error, _ = await self._call(warm, None)
                 if error is None:
                     failures = 0
                     # it has its end of the connection: without another one, its death closes the connection
@@ -298,7 +313,7 @@ class PageWorker:
         self._number += 1
         self._send = asked.send
         try:
-            job = asked.job._replace(number=self._number, background=self._background)
+            job = asked.job._replace(number=self._number)
             content, error, _ = await self._call(do, job)
         except WorkerDied as death:
             asked.refuse(f"the process that solved this state ended ({death}): change the state and try again")
@@ -333,9 +348,9 @@ def _unheard(content: str) -> None:
 class Workers:
     """The quick and the refining process, and the timers that begin a refinement."""
 
-    def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
+    def __init__(self, loop: asyncio.AbstractEventLoop, store: Path | None = None) -> None:
         self._loop = loop
-        self.quick, self.refining = PageWorker(loop), PageWorker(loop, background=True)
+        self.quick, self.refining = PageWorker(loop, store), PageWorker(loop, store, background=True)
         self._timers: dict[Key, asyncio.TimerHandle] = {}
 
     def ask(self, key: Key, request: Request, send: Send) -> None:

@@ -21,12 +21,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fem.accuracy import LEVELS, Accuracy
-from fem.equilibrium import trace
+from fem.scene import Scene
 from geometry.design import BadInput, Design
 from geometry.loads import ANSWERED, Load, Magnet
 from geometry.messages import Progress
 from studies.inputs import user_input
 from studies.inputs.option_groups import Motion
+from studies.mechanics import stored_answers
+from studies.mechanics.store import Store
 from studies.output import atomic_files
 from studies.output.page_templates import rendered
 from studies.web import state_answers, state_exports, state_pictures
@@ -77,12 +79,16 @@ def stops_of(design: Design, magnet: Magnet) -> Stops:
     return Stops(even(min(DEEPEST * design.D, room), DEPTHS), even(FARTHEST * design.D, SHEARS), turns)
 
 
-def write(design: Design, path: Path, progress: Progress = lambda *_: None) -> Path:
-    """Solve for the states of a design, some of which must be presses, and write its page; return its path."""
+def write(design: Design, path: Path, store: Store, progress: Progress = lambda *_: None) -> Path:
+    """Solve for the states of a design, some of which must be presses, and write its page; return its path.
+
+    Numbers with error estimates come from the store, and are kept there. Pictures show the deformed bodies, which it
+    does not hold: those of kept states are solved for, without estimates.
+    """
     magnet = magnet_of(design)
     stops = stops_of(design, magnet)
-    states = answers(design, magnet, stops, LEVELS[LEVEL], progress)
-    atomic_files.write_text(path, page(design, stops, states))
+    states = answers(design, magnet, stops, LEVELS[LEVEL], store, progress)
+    atomic_files.write_text(path, page(design, stops, states, store))
     return path
 
 
@@ -92,12 +98,17 @@ def magnet_of(design: Design) -> Magnet:
 
 
 def answers(
-    design: Design, magnet: Magnet, stops: Stops, accuracy: Accuracy, progress: Progress = lambda *_: None
+    design: Design,
+    magnet: Magnet,
+    stops: Stops,
+    accuracy: Accuracy,
+    store: Store,
+    progress: Progress = lambda *_: None,
 ) -> list[list[Data]]:
     """Return the answers of the live page to each depth and shear, in all directions."""
 
     def path(loads: list[Load]) -> list[Solution]:
-        return trace(design, loads, accuracy, magnet=magnet, ratios=True)
+        return stored_answers.with_bodies(Scene(design, tuple(loads), accuracy, magnet), store)
 
     presses = path([Load(depth) for depth in stops.depth])
     if sum(state.status in ANSWERED for state in presses) < 2:
@@ -164,17 +175,17 @@ def in_direction(solution: Solution, direction: float) -> Solution:
     return replace(solution, load=replace(solution.load, shear_x=x, shear_y=y), response=turned)
 
 
-def page(design: Design, stops: Stops, states: list[list[Data]]) -> str:
+def page(design: Design, stops: Stops, states: list[list[Data]], store: Store) -> str:
     """Return the page of a design whose states are solved."""
     magnet = magnet_of(design)
-    curve = state_answers.curve(design, magnet, LEVEL)
+    curve = state_answers.curve(design, magnet, LEVEL, store)
     content: Data = {
         "fields": _fields(design, stops),
         "stops": {"depth": stops.depth, "shear": stops.shear, "direction": stops.direction},
         "states": states,
         "curve": {"figures": curve["figures"]},
         "charts": page_charts(),
-        "stability": state_answers.by_finite_elements(design, magnet, LEVEL),
+        "stability": state_answers.by_finite_elements(design, magnet, LEVEL, store),
         "files": {
             "design.toml": user_input.design_text(design),
             "curve.csv": state_exports.of_curve(curve).decode(),

@@ -21,7 +21,7 @@ from analytic import beam, hall
 from analytic.inverse.forward_model import slopes_at
 from analytic.parts import of_design
 from fem.accuracy import LEVELS
-from fem.equilibrium import trace
+from fem.equilibrium import walk
 from fem.scene import Scene
 from fem.solution import Solution
 from geometry.arrays import Array
@@ -31,9 +31,9 @@ from geometry.loads import ANSWERED, Load, Magnet, Response
 from studies import quantities
 from studies.beam import surrogate_range, surrogate_response
 from studies.mechanics import path_solver
-from studies.mechanics import store as stores
 from studies.mechanics.path_solver import frequency_unit
-from studies.mechanics.stored_answers import asked
+from studies.mechanics.store import Store
+from studies.mechanics.stored_answers import asked, walked
 from studies.simulation import state_rows
 from studies.simulation.compare import default_loads
 from studies.web.explorer_state import ExplorerState
@@ -290,12 +290,14 @@ def formula(design: Design, load: Load, level: str) -> Data:
     return response_data(response) | {"message": beam.outside(design, load, level)}
 
 
-def curve(design: Design, magnet: Magnet, level: str, made: Fit | None = None, *, estimate: bool = True) -> Data:
+def curve(design: Design, magnet: Magnet, level: str, store: Store | None, made: Fit | None = None) -> Data:
     """Return the press by finite elements up to the first state that fails, and by the formulas: None out of range.
 
+    store : of its states; without one they are solved without error estimates, for a curve that is soon refined.
     made : calibrated sensor of this design, whose forces and half widths these are.
     """
-    states = trace(design, default_loads(design)[0], LEVELS[level], magnet=magnet, estimate=estimate)
+    scene = Scene(design, tuple(default_loads(design)[0]), LEVELS[level], magnet)
+    states = [*(walk(scene, estimate=False, ratios=False) if store is None else walked(scene, store))]
     solved = [state for state in states if state.status in ANSWERED]
     depths, rows = [state.load.depth for state in solved], [(state.response, state.estimates) for state in solved]
     force = [response.force[2] for response, _ in rows]
@@ -356,12 +358,11 @@ def _stability(numbers: Data, source: str, message: str, *more: Data) -> Data:
     return numbers | {"columns": [source, ""], "rows": rows, "message": message}
 
 
-def by_finite_elements(design: Design, magnet: Magnet, level: str) -> Data:
+def by_finite_elements(design: Design, magnet: Magnet, level: str, store: Store) -> Data:
     """Return the answers of finite elements, with error estimates as half widths."""
     scene = Scene(design, (Load(),), LEVELS[level], magnet)
-    with stores.opened(None) as store:
-        critical = asked(path_solver.place(scene, "critical depth"), store, ["force_error_estimate"])
-        first = asked(path_solver.place(scene, "modes", options={"count": 1}), store, ["estimates"])
+    critical = asked(path_solver.place(scene, "critical depth"), store, ["force_error_estimate"])
+    first = asked(path_solver.place(scene, "modes", options={"count": 1}), store, ["estimates"])
     if not critical.values:
         raise SolveFailed(critical.message)
     message = "; ".join(filter(None, (critical.message, first.message)))

@@ -18,7 +18,7 @@ import numpy as np
 
 from analytic import relaxation_loops
 from fem.accuracy import LEVELS
-from fem.analyses.vibration import VibratingSensor, check_vibration, highest_frequency, vibrating_sensor
+from fem.analyses.vibration import VibratingSensor, check_vibration, highest_frequency
 from fem.results.error_estimates import VibrationQuantity, estimate_vibration
 from fem.scene import relaxed
 from fem.solve import load_increments
@@ -29,8 +29,9 @@ from geometry.relaxation import range_sentence, relaxation_of
 from studies.inputs.option_groups import Elements
 from studies.inputs.user_input import AccuracyName
 from studies.mechanics import resonance_peaks
-from studies.mechanics import store as stores
 from studies.mechanics.cycle_motion import Motion, frequency_of
+from studies.mechanics.store import Store
+from studies.mechanics.stored_answers import vibrating
 from studies.output import page_templates
 from studies.simulation import response_curves
 from studies.simulation.response_curves import At
@@ -65,7 +66,7 @@ class Vibrating:
     band: tuple[float, float]
 
 
-def prepare(design: Design, load: Load, magnet: Magnet, level: str) -> Vibrating:
+def prepare(design: Design, load: Load, magnet: Magnet, level: str, store: Store) -> Vibrating:
     """Solve for a stable state at rest and its vibrations at all frequencies that branches and mesh carry."""
     accuracy = LEVELS[level]
     relaxation = relaxation_of(design)
@@ -76,7 +77,7 @@ def prepare(design: Design, load: Load, magnet: Magnet, level: str) -> Vibrating
         raise BadInput(f"the silicone's branches speak for {low:.3g} to {high:.3g} Hz only, which is no band")
     check_vibration(design, load, band, accuracy)
     prepared = low, band[1] * (1 + STEP)
-    sensor = vibrating_sensor(design, load, prepared, accuracy, magnet=magnet, check=False, estimate=True)
+    sensor = vibrating(design, load, prepared, accuracy, magnet, store)
     coarse = None if sensor.coarser is None else response_curves.evaluator(design, sensor.coarser)
     return Vibrating(sensor, response_curves.evaluator(design, sensor), coarse, band)
 
@@ -231,7 +232,7 @@ def linear_loop(state: ExplorerState, motion: Motion) -> Data:
     return _loop_data("linear spring", motion, number("gap at mid-stroke", "%", gap), [], text)
 
 
-def loop(state: ExplorerState, motion: Motion, made: Fit | None = None) -> Data:
+def loop(state: ExplorerState, motion: Motion, store: Store, made: Fit | None = None) -> Data:
     """Return the part `loop` by finite elements; every time step calls the watch of `fem.solve.load_increments`.
 
     made : calibrated sensor, whose forces these are.
@@ -246,16 +247,10 @@ def loop(state: ExplorerState, motion: Motion, made: Fit | None = None) -> Data:
         of_sensor = partial(calibration_file.made_states, made)
 
     static, elements = loading_cycles.Static(made=of_sensor), Elements(magnet=state.magnet, accuracy=LOOP_LEVEL)
-    with stores.opened(None) as store:
-        cycles = cycle_findings.kept_cycles(
-            state.design,
-            motion,
-            static,
-            elements,
-            TOLERANCE,
-            store,
-            lambda share, _: load_increments.report(share),
-        )
+    watch = load_increments.report
+    cycles = cycle_findings.kept_cycles(
+        state.design, motion, static, elements, TOLERANCE, store, lambda share, _: watch(share)
+    )
     if cycles.status not in ANSWERED or len(cycles.loops) < CYCLES:
         return refusal(f"the loop is not known: {cycles.message or cycles.status}")
     last = cycles.loops[-1]
