@@ -40,6 +40,9 @@ def run(
 ) -> dict[str, Any]:
     """Make, mesh and solve the paper's sensor, compare it with the formulas, and write all files into a folder.
 
+    The states come from the user's store and are kept there, as in `compare`. The store holds no deformed body: the
+    last state of each load is solved again for its .vtu file and its section, without error estimates.
+
     Parameters
     ----------
     folder : an existing folder.

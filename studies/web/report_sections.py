@@ -222,6 +222,8 @@ def surface_of_file(path: Path) -> dict[str, Any] | None:
 def solved_surface(design: Design, load: Load | ForceTarget | None) -> dict[str, Any]:
     """Solve for a state by finite elements and return its surface.
 
+    The store has no deformed body, so the state is solved for here, without error estimates, whatever is kept of it.
+
     Parameters
     ----------
     load : of the study, or the forces that the design is required to bear; None, where it names none, for a press to
