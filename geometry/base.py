@@ -15,11 +15,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from geometry.arrays import Array, Vector
+from geometry.arrays import Array, Point, Vector
 from geometry.bad_input import check_ranges, nearest, quantity
 from geometry.cad import beam, cut, overlap, turned
 from geometry.design import BadInput, Design
-from geometry.fabrication import engraved_marks, hall_elements
+from geometry.fabrication import breakout_boards, engraved_marks, hall_elements
 from geometry.fabrication.hall_elements import CLOSE, SS495A, WEB, Block, Seats, heights, places
 from geometry.fabrication.printability import PROCESSES, Check, at_least, at_most
 
@@ -60,6 +60,8 @@ class Base:
     screw : diameter of the four holes on the diagonals (2.2 for M2 screws), 0 for none; default: 2.2 on a square
         base, 0 on a round one.
     marks : 1 for grooves in the edge of the upper face, one at +x and two at +y.
+    breakout : name of a breakout board (`geometry.fabrication.breakout_boards`) that is screwed under a square base
+        in place of a board of its own; "" for none.
 
     Raises
     ------
@@ -76,11 +78,14 @@ class Base:
     recess_gap: float | None = quantity(None, "mm", 0.0, 1.0)
     screw: float | None = quantity(None, "mm", 0.0, 10.0)
     marks: int = quantity(0, "1", 0, 1, count=True)
+    breakout: str = ""
 
     def __post_init__(self) -> None:
         if self.shape not in SHAPES:
             raise BadInput(f"there is no shape {self.shape!r} of the base: {nearest(str(self.shape), SHAPES)}")
         check_ranges(self)
+        if self.breakout and (self.is_round or self.screw is not None):
+            raise BadInput(f"breakout {self.breakout} sets the screws of a square base: leave round and screw out")
 
     @property
     def hole(self) -> float:
@@ -103,9 +108,10 @@ class Plan:
     thickness : thickness of the plate below the base plane z = 0.
     recess, recess_radius : depth and radius of the pocket for the beam; the plate's top is at z = recess.
     screw : diameter of the screw holes (0: none).
-    screw_at : |x| and |y| of the centres of the screw holes.
+    screws : x and y of the centres of the screw holes.
     seats : hollows for the elements and their leads, and posts, by element.
-    openings : hollows that remove walls too thin to print: those between two seats, or between a seat and the recess.
+    openings : hollows that remove walls too thin to print: those between two seats, or between a seat and the recess;
+        and those above the parts of a breakout board.
     marks : grooves in the edge of the upper face: at +x, and two at +y; empty if not wanted, or without room.
     """
 
@@ -115,7 +121,7 @@ class Plan:
     recess: float
     recess_radius: float
     screw: float
-    screw_at: float
+    screws: tuple[Point, ...]
     seats: Seats
     openings: tuple[Block, ...]
     marks: tuple[Block, ...] = ()
@@ -152,6 +158,13 @@ def plan(design: Design, base: Base, process: str = "fdm") -> Plan:
     screw = base.hole
     foot = recess_radius if recess else design.R
     half, screw_at = _outline(design, base, seats, foot, screw)
+    screws: tuple[Point, ...] = tuple((i * screw_at, j * screw_at) for i in (-1, 1) for j in (-1, 1)) if screw else ()
+    reliefs: tuple[Block, ...] = ()
+    if base.breakout:
+        board, centre = breakout_boards.breakout(base.breakout, design)
+        screw, screws = board.hole, tuple(board.placed(hole, centre) for hole in board.holes)
+        reliefs = breakout_boards.hollows(board, centre, thickness, recess, foot)
+        half = _half_for(base, half, max(max(map(abs, at)) for at in screws) + screw / 2 + EDGE)
     if "S1" in seats.passages:
         # only now is the edge known to which the channel for the leads of S1 runs
         channel = seats.passages["S1"]
@@ -162,11 +175,11 @@ def plan(design: Design, base: Base, process: str = "fdm") -> Plan:
         )
     marks: tuple[Block, ...] = ()
     if base.marks:
-        corner = screw_at - screw / 2, screw_at - screw / 2, 0.0
-        screws = [Block(corner, (screw, screw, 0.0))] if screw else []
+        holes = [Block((x - screw / 2, y - screw / 2, 0.0), (screw, screw, 0.0)) for x, y in screws]
         hollows = [block for group in (seats.bodies, seats.passages, seats.posts) for block in group.values()]
+        hollows += [block for block in reliefs if block.sides[2] > thickness]
         marks = engraved_marks.base_marks(
-            half, base.is_round, recess, foot, [*hollows, *screws], PROCESSES[process].stroke
+            half, base.is_round, recess, foot, [*hollows, *holes], PROCESSES[process].stroke
         )
     return Plan(
         is_round=base.is_round,
@@ -175,11 +188,21 @@ def plan(design: Design, base: Base, process: str = "fdm") -> Plan:
         recess=recess,
         recess_radius=recess_radius,
         screw=screw,
-        screw_at=screw_at,
+        screws=screws,
         seats=seats,
-        openings=_openings(seats, recess, recess_radius),
+        openings=(*_openings(seats, recess, recess_radius), *reliefs),
         marks=marks,
     )
+
+
+def _half_for(base: Base, least: float, needed: float) -> float:
+    """Return half the side of a plate that holds the screws of a breakout board too."""
+    if base.outer is None:
+        return max(least, needed)
+    if not base.outer >= 2 * needed - 1e-9:
+        board = f"breakout {base.breakout}"
+        raise BadInput(f"outer must be at least {2 * needed:.4g} mm for the screws of {board}; got {base.outer:g} mm")
+    return least
 
 
 def _outline(design: Design, base: Base, seats: Seats, foot: float, screw: float) -> tuple[float, float]:
@@ -286,8 +309,7 @@ def base(design: Design, choices: Base, process: str = "fdm") -> Solid:
     if p.recess > 0:
         tools.append(turned([(0, 0, 0), (p.recess_radius, 0, 0), (p.recess_radius, p.recess, 0), (0, p.recess, 0)]))
     if p.screw > 0:
-        corners = [(x, y, -p.thickness) for x in (-p.screw_at, p.screw_at) for y in (-p.screw_at, p.screw_at)]
-        tools += [bd.Solid.make_cylinder(p.screw / 2, height, bd.Plane(corner)) for corner in corners]
+        tools += [bd.Solid.make_cylinder(p.screw / 2, height, bd.Plane((x, y, -p.thickness))) for x, y in p.screws]
     return cut(plate, *tools)
 
 

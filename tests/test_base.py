@@ -1,16 +1,19 @@
 """The base holds the elements at the positions of the design; if they do not fit, the message says why."""
 
 import math
+import re
 
+import build123d as bd
 import pytest
 
 from analytic.parts import of_design
 from geometry import cad
-from geometry.base import Base, base, checks, outer_size, plan, warnings
+from geometry.base import EDGE, Base, base, checks, outer_size, plan, warnings
+from geometry.cad import overlap
 from geometry.design import BadInput, Design
-from geometry.fabrication import solid_files
+from geometry.fabrication import breakout_boards, solid_files
 from geometry.fabrication.engraved_marks import DEPTH
-from geometry.fabrication.hall_elements import bodies, places
+from geometry.fabrication.hall_elements import Block, bodies, places
 from geometry.fabrication.mold_solids import printable
 from geometry.fabrication.printability import PROCESSES, standing
 
@@ -127,7 +130,6 @@ def test_bad_input(fields, choices, text):
 
 
 def test_an_element_that_overlaps_the_base_fails_the_check():
-    import build123d as bd
 
     design = Design()
     solid, parts = base(design, Base()), bodies(design)
@@ -188,3 +190,63 @@ def test_grooves_mark_x_and_y_and_the_base_passes_its_checks(design, shape, proc
     assert mesh.is_watertight
     assert [check.name for check in checks(design, marked, bodies(design)) if not check.passed] == []
     assert [check.name for check in printable("base", mesh, PROCESSES[process]) if not check.passed] == []
+
+
+# Breakout boards
+
+BREAKOUT_DESIGNS = {
+    "adafruit-4366": Design(hall_layout="tlv493d-a1b6", l0=7.5),
+    "adafruit-4022": Design(hall_layout="mlx90393", l0=7.6),
+    "sparkfun-tmag5273": Design(hall_layout="tmag5273a1", l0=8.0),
+}
+
+
+@pytest.mark.parametrize("name", BREAKOUT_DESIGNS)
+def test_a_breakout_board_fits_under_its_base_with_its_chip_in_place(name):
+    design, choice = BREAKOUT_DESIGNS[name], Base(breakout=name)
+    board, centre = breakout_boards.breakout(name, design)
+    p = plan(design, choice)
+    assert board.placed(board.chip, centre) == pytest.approx((0.0, 0.0))
+    solid = base(design, choice)
+    for part in board.parts:
+        (left, low), (right, high) = (board.placed(at, centre) for at in (part["box"][:2], part["box"][2:]))
+        corner = min(left, right), min(low, high), -p.thickness
+        body = Block(corner, (abs(right - left), abs(high - low), part["height"])).solid()
+        assert overlap(solid, body) < 1e-9
+    # a screw of the board's holes passes the base, which has room around it
+    for x, y in p.screws:
+        screw = bd.Solid.make_cylinder(board.hole / 2 - 1e-3, p.thickness, bd.Plane((x, y, -p.thickness)))
+        assert overlap(solid, screw) < 1e-9
+        assert p.half - max(abs(x), abs(y)) >= board.hole / 2 + EDGE - 1e-9
+    # distances between the holes are those of the board
+    assert math.dist(p.screws[0], p.screws[3]) == pytest.approx(math.dist(board.holes[0], board.holes[3]))
+
+
+def test_pin_1_of_the_chip_on_a_turned_board_has_the_least_x_and_y():
+    board, centre = breakout_boards.breakout("sparkfun-tmag5273", BREAKOUT_DESIGNS["sparkfun-tmag5273"])
+    # in the board's file its pad lies 1.365 mm to the left of the middle and 0.95 mm above
+    pin = board.placed([board.chip[0] - 1.365, board.chip[1] + 0.95], centre)
+    assert pin == pytest.approx((-0.95, -1.365))
+
+
+@pytest.mark.parametrize(
+    ("design", "choices", "reason"),
+    [
+        (Design(), {"breakout": "adafruit-4366"}, "holds one tlv493d-a1b6; the design has 1 x three"),
+        (Design(), {"breakout": "adafruit"}, "there is no breakout 'adafruit'"),
+        (Design(), {"breakout": "adafruit-4366", "shape": "round"}, "leave round and screw out"),
+        (
+            BREAKOUT_DESIGNS["adafruit-4022"],
+            {"breakout": "adafruit-4022", "outer": 20},
+            "outer must be at least 26.07",
+        ),
+        (
+            Design(hall_layout="tlv493d-a1b6", l0=4.4, D=14.0, L=9.0),
+            {"breakout": "adafruit-4366"},
+            "l0 must be larger, or the base opens under the beam above",
+        ),
+    ],
+)
+def test_a_breakout_board_that_does_not_fit_is_refused(design, choices, reason):
+    with pytest.raises(BadInput, match=re.escape(reason)):
+        plan(design, Base(**choices))

@@ -45,9 +45,8 @@ def board(design: Design, plan: Plan) -> str:
     else:
         _rectangle(space, "OUTLINE", 0, 0, 2 * plan.half, 2 * plan.half)
     if plan.screw > 0:
-        for x in (-plan.screw_at, plan.screw_at):
-            for y in (-plan.screw_at, plan.screw_at):
-                _circle(space, "OUTLINE", x, y, plan.screw / 2)
+        for x, y in plan.screws:
+            _circle(space, "OUTLINE", x, y, plan.screw / 2)
     _circle(space, "BEAM", 0, 0, design.R)
     if design.hall_layout == "three":
         _leaded(space, design)

@@ -242,6 +242,7 @@ def text(
         plan=plan,
         thread=plan and screw_thread(plan.screw),
         gap=gap,
+        breakout=choices.base.breakout,
         size=size_sentence(fabricated),
         picture=picture,
         command=command,

@@ -245,6 +245,8 @@ FARTHER = 40
 
 def plan_and_board(design: Design, choices: Base, process: str, thickness: float = 1.6) -> tuple[Plan, Board]:
     """Return the plan of a design's base and its board; BadInput as `board`, with a remedy where there is no room."""
+    if choices.breakout:
+        raise BadInput(f"breakout {choices.breakout} is the board: leave it out, or make the base by magtip cad")
     plan = base.plan(design, choices, process)
     try:
         return plan, board(design, plan, thickness)
@@ -310,8 +312,7 @@ def _warnings(design: Design, circuit: Circuit) -> Iterator[str]:
 def _drawn(plan: Plan, header: Header, parts: Sequence[Part], **more: Any) -> Board:
     """Return the board with its outline, holes and header, without ground and silkscreen; rules are checked."""
     edges, area = _outline(plan, header)
-    at, d = plan.screw_at, plan.screw
-    holes = tuple((i * at, j * at, d) for i in (-1, 1) for j in (-1, 1)) if d else ()
+    holes = tuple((x, y, plan.screw) for x, y in plan.screws)
     pockets = tuple(
         (b.corner[0], b.corner[1], b.corner[0] + b.sides[0], b.corner[1] + b.sides[1])
         for group in (plan.seats.bodies, plan.seats.passages)

@@ -50,9 +50,9 @@ def obstacles(design: Design, plan: Plan, bodies: dict[str, Solid]) -> dict[str,
         low, size = (tuple(getattr(point, axis) for axis in "XYZ") for point in (box.min, box.size))
         found[name] = Block(low, size)
     if plan.screw:
-        thread, at = screw_thread(plan.screw), plan.screw_at
+        thread = screw_thread(plan.screw)
         half = HEAD_WIDTH * thread / 2
-        for k, (x, y) in enumerate(((at, at), (-at, at), (-at, -at), (at, -at)), 1):
+        for k, (x, y) in enumerate(plan.screws, 1):
             corner = x - half, y - half, plan.recess
             found[f"the head of screw {k}"] = Block(corner, (2 * half, 2 * half, HEAD_HEIGHT * thread))
     return {

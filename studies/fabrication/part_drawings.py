@@ -152,8 +152,9 @@ def _base_sheet(design: Design, plan: Plan, base: Solid, side: View, above: View
     if p.marks:
         notes.append("grooves in the edge of the upper face: one at +x, two at +y")
     if p.screw > 0:
-        at = p.screw_at
-        above.dims.append(((-at, at), (at, at), "above", 0, number(2 * at)))
+        (left, _), (right, _) = min(p.screws), max(p.screws)
+        at = max(y for _, y in p.screws)
+        above.dims.append(((left, at), (right, at), "above", 0, number(right - left)))
         notes.insert(0, f"4 holes Ø{number(p.screw)} for screws")
     for view in (side, above, below):
         add_axis(view)

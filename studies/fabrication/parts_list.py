@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from geometry.base import Plan, screw_thread
 from geometry.design import BadInput, Design
+from geometry.fabrication.breakout_boards import BREAKOUTS
 from geometry.mold import screw_length, sizes
 from studies.fabrication import casting_recipe, circuit_board
 from studies.fabrication.sensor_solids import FabricationChoices
@@ -69,7 +70,7 @@ def rows(
     found = [
         *_magnets(design, sensors),
         *_silicone(design, choices),
-        *_board(design, plan, board, sensors),
+        *_board(design, choices, plan, board, sensors),
         *_screws(design, choices, plan, board, sensors),
         *_prints(choices, volumes, sensors),
         *_consumables(design, choices),
@@ -113,8 +114,13 @@ def _silicone(design: Design, choices: FabricationChoices) -> Iterator[FlatRow]:
         yield _row("silicone", f"{name}, part {part}", round(total, 2), "g", f"{batches} batches of the recipe")
 
 
-def _board(design: Design, plan: Plan | None, board: Board | None, sensors: int) -> Iterator[FlatRow]:
+def _board(
+    design: Design, choices: FabricationChoices, plan: Plan | None, board: Board | None, sensors: int
+) -> Iterator[FlatRow]:
     if plan is None:
+        return
+    if name := choices.base.breakout:
+        yield _row("electronics", f"breakout board {name}", sensors, note=BREAKOUTS[name].source)
         return
     if board is None:
         count = 3 if design.hall_layout == "three" else int(design.chip_count)
