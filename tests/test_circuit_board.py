@@ -16,8 +16,8 @@ from geometry.cad import element_positions
 from geometry.design import Design, paper, preset
 from geometry.fabrication.hall_elements import SS495A
 from geometry.mold import Mold
-from studies.fabrication import board_files, circuit_board, parts_list
-from studies.fabrication.circuit_board import Track, Via
+from studies.fabrication import board_files, board_layers, circuit_board, parts_list
+from studies.fabrication.board_layers import Track, Via
 from studies.fabrication.sensor_solids import FabricationChoices
 from studies.parts import catalogues
 from studies.validation.devices import board_check
@@ -102,18 +102,18 @@ def test_no_net_touches_another_and_each_is_one_piece(boards, name):
     faces = []
     for below in (False, True):
         nets = {}
-        for piece in circuit_board.copper(made):
+        for piece in board_layers.copper(made):
             if piece.faces[below]:
                 nets.setdefault(piece.net, []).append(piece.shape)
         nets.setdefault("GND", []).extend(made.pours[below])
         joined = {net: shapely.union_all(shapes) for net, shapes in nets.items()}
         gaps = [a.distance(b) for a, b in itertools.combinations(joined.values(), 2)]
-        assert min(gaps) >= circuit_board.CLEARANCE - 1e-4
-        assert all(made.area.buffer(-circuit_board.EDGE + 1e-6).covers(shape) for shape in joined.values())
+        assert min(gaps) >= board_layers.CLEARANCE - 1e-4
+        assert all(made.area.buffer(-board_layers.EDGE + 1e-6).covers(shape) for shape in joined.values())
         faces.append(joined)
     holes = [shapely.Point(x, y).buffer(d / 2) for x, y, d in made.holes]
     assert all(
-        shape.distance(hole) >= circuit_board.HOLE_GAP - 1e-3
+        shape.distance(hole) >= board_layers.HOLE_GAP - 1e-3
         for hole in holes
         for joined in faces
         for shape in joined.values()
@@ -121,8 +121,8 @@ def test_no_net_touches_another_and_each_is_one_piece(boards, name):
 
 
 def broken(made, **change):
-    with pytest.raises(circuit_board.NoRoom) as caught:
-        circuit_board.check_rules(dataclasses.replace(made, **change))
+    with pytest.raises(board_layers.NoRoom) as caught:
+        board_layers.check_rules(dataclasses.replace(made, **change))
     return str(caught.value)
 
 
@@ -140,8 +140,8 @@ def test_each_rule_is_checked(boards):
 def test_a_net_in_two_pieces_is_refused(boards):
     made = boards["four"]
     tracks = tuple(track for track in made.tracks if track.net != "SDA" or track.below)
-    with pytest.raises(circuit_board.NoRoom, match="not be joined to the net SDA"):
-        circuit_board._check_joined(dataclasses.replace(made, tracks=tracks))
+    with pytest.raises(board_layers.NoRoom, match="not be joined to the net SDA"):
+        board_layers.check_joined(dataclasses.replace(made, tracks=tracks))
 
 
 # Files
@@ -184,9 +184,9 @@ def test_each_pin_of_the_header_and_each_hall_part_is_named(boards, name):
     for pad in by_name(made)["J1"].pads:
         above = shapely.box(pad.at[0] - 0.3, pad.at[1] + pad.size[1] / 2, pad.at[0] + 0.3, pad.at[1] + 3)
         assert drawn.intersects(above)
-    named = sum(len(circuit_board.letters(part.reference, (0, 0))) for part in made.parts[:-1] if not part.below)
-    labels = sum(len(circuit_board.letters(label, (0, 0))) for label in made.labels)
-    axes, triangles = len(circuit_board._axes((0, 0))), sum(not part.below for part in made.parts[:-1])
+    named = sum(len(board_layers.letters(part.reference, (0, 0))) for part in made.parts[:-1] if not part.below)
+    labels = sum(len(board_layers.letters(label, (0, 0))) for label in made.labels)
+    axes, triangles = len(board_layers._axes((0, 0))), sum(not part.below for part in made.parts[:-1])
     assert len(made.ink) == named + labels + axes + triangles
 
 

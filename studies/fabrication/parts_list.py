@@ -20,7 +20,7 @@ from studies.output.records import FlatRow
 from studies.parts import catalogues
 
 if TYPE_CHECKING:
-    from studies.fabrication.circuit_board import Board
+    from studies.fabrication.board_layers import Board
 
 FILE = "parts.csv"
 FILAMENT = 1.24e-3

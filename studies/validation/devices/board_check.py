@@ -26,7 +26,7 @@ from geometry.design import Design, preset
 from geometry.fabrication.hall_elements import SS495A
 from geometry.messages import Progress
 from studies.fabrication import board_files, circuit_board
-from studies.fabrication.circuit_board import Board
+from studies.fabrication.board_layers import Board
 from studies.output.goals import Goal
 from studies.output.result import Result
 from studies.validation import pages
