@@ -90,12 +90,23 @@ def tables_of(
         nodes = np.indices([n + 1 for n in cells]).reshape(3, -1).T
         # roots need few bits over a wide range
         roots = np.sqrt(unsure(grids["origin"] + grids["edge"] * nodes))
-        largest = roots[np.isfinite(roots)].max()
-        floats["unsure_step"] = largest / 255
-        integers["unsure"] = np.ceil(255 * np.where(np.isfinite(roots), roots, largest) / largest).astype(np.uint8)
+        integers["unsure"], floats["unsure_step"] = rounded_up(roots)
     floats["places"] = plates_of(coder.forward.elements)[0] - [0.0, 0.0, coder.forward.design.H]
     floats = {name: np.asarray(values, dtype=np.float32) for name, values in floats.items()}
     return Tables(floats, integers, cells)
+
+
+def rounded_up(values: Array) -> tuple[NDArray[np.uint8], float]:
+    """Return values as multiples of a step, rounded up to 0 to 255, and the step; what is not finite is the largest.
+
+    >>> numbers, step = rounded_up(np.array([0.0, 0.125, 0.646, np.nan]))
+    >>> numbers.tolist(), round(255 * step, 3)
+    ([0, 50, 255, 255], 0.646)
+    """
+    largest = float(values[np.isfinite(values)].max())
+    # the largest over itself is 1 exactly; 255 times it over it may be more than 255, which would wrap to 0
+    shares = np.where(np.isfinite(values), values, largest) / largest
+    return np.ceil(255 * shares).astype(np.uint8), largest / 255
 
 
 def places_of(coder: Decoder, shift: Array) -> tuple[Array, Array, Array, Array]:
