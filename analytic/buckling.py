@@ -43,15 +43,18 @@ def shear_stiffness(design: Design) -> float:
     return k * design.E_now / (2 * (1 + nu)) * math.pi * design.D**2 / 4
 
 
-def sideways_stiffness(design: Design) -> float:
-    """Stiffness of the unpressed beam against a shear of its tip, N/mm: Timoshenko's cantilever of length L.
+def sideways_stiffness(design: Design, height: float | None = None) -> float:
+    """Stiffness of the unpressed beam against a force along x at a height, N/mm: Timoshenko's cantilever so long.
+
+    height : mm; default: that of the tip, L.
 
     >>> from geometry.design import paper
     >>> round(sideways_stiffness(paper()), 3)
     0.554
     """
-    bending = design.L**3 / (3 * bending_stiffness(design))
-    return 1 / (bending + design.L / shear_stiffness(design))
+    length = design.L if height is None else height
+    bending = length**3 / (3 * bending_stiffness(design))
+    return 1 / (bending + length / shear_stiffness(design))
 
 
 def engesser(design: Design) -> float:

@@ -219,7 +219,7 @@ def test_what_is_set_in_vain_is_said(run):
 ORDER = """
     Design: design cad board mesh catalogue size
     Simulation: solve converge analytic stability modes compare response cycle fit
-    Sensing: field readings bench calibrate decode stream firmware table layout disturb
+    Sensing: field readings bench calibrate decode stream firmware table layout disturb array
     Exploration: sweep sensitivity demo report explore store
     Validation: validate
     Options: --help --version

@@ -421,3 +421,21 @@ def disturb(call: Call, *, options: option_groups.Disturbing = option_groups.Dis
     design = call.design()
     mechanics = partial(mechanics_sources.source_of, design, options.level, options.responses)
     return publish(partial(disturbances.run, design, mechanics, options, stated_requirements(call.source)), here)
+
+
+@verb("source sets wide as_json", out="Folder for ARRAY.md, tables and picture.")
+def array(call: Call, *, options: option_groups.Arraying = option_groups.Arraying()) -> int:
+    """Show how beams of an array disturb each other: cross-talk, errors over pitch and polarity, forces of magnets.
+
+    Each beam has its own elements below it. Errors are those of a decoder that ignores the neighbours, of one that
+    subtracts their fields once, and of one that decodes all beams together, at random loads of the design's range on
+    all beams. A table [array] of a design file has rows, columns, pitch (mm) and polarity.
+    """
+    from studies.parts.requirements import stated_requirements
+    from studies.sensing import crosstalk
+    from studies.simulation import mechanics_sources
+
+    here = call.here(crosstalk.FILES, [options.responses])
+    design, grid = call.design(), crosstalk.grid_of(call.source, options)
+    mechanics = partial(mechanics_sources.source_of, design, options.level, options.responses)
+    return publish(partial(crosstalk.run, design, mechanics, grid, options, stated_requirements(call.source)), here)

@@ -372,6 +372,25 @@ class Disturbing:
 
 
 @_options
+class Arraying:
+    """The array, where it is another one than that of the design's [array]."""
+
+    rows: Whole | None = None
+    """Number of rows of beams, 1 to 16; default: 3."""
+    columns: Whole | None = None
+    """Number of beams in a row, 1 to 16; default: 3."""
+    pitch: float | None = None
+    """Distance of neighbouring axes, along rows and columns, mm; default: 2 D."""
+    polarity: str | None = None
+    """up: all magnets alike (default); checkerboard: every other one reversed; rows: every other row reversed; or a
+    list of up and down, row by row, such as up,down,down,up."""
+    error: float = 1.0
+    """Error of the force, percent of the range, for which the smallest pitch is found."""
+    level: LoadSource | None = None
+    responses: Responses | None = None
+
+
+@_options
 class Calibrating:
     """What is known of a made sensor and its test stand."""
 

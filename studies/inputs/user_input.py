@@ -98,9 +98,9 @@ def pairs(option: str, texts: Sequence[str], example: str) -> dict[str, str]:
     return values
 
 
-BESIDE = ("fabrication", "requirements", "tolerances")
-"""Tables of a design file beside its fields: how the sensor is made, what was required of it, and how far its parts
-may lie from it."""
+BESIDE = ("array", "fabrication", "requirements", "tolerances")
+"""Tables of a design file beside its fields: an array of such beams, how the sensor is made, what was required of it,
+and how far its parts may lie from it."""
 FABRICATION = {"process": str, "base": dict, "mold": dict}
 """Keys of the first of them."""
 

@@ -158,7 +158,7 @@ def loads_of(coder: Decoder, needed: Requirements | None) -> tuple[Loads, float,
         words = f"a press of {USUAL_DEPTH * design.D:.3g} mm or the deepest known one, for none is required"
     asked = [(0.0, 0.0, 0.0), *((n, t, turn) for n, t in pairs for turn in (TURNS if t else TURNS[:1]))]
     normal, tangential, turn = np.array(asked).T
-    shift = _shifts(coder, normal, tangential, turn)
+    shift = shifts_under(coder, normal, tangential, turn)
     known = np.isfinite(shift[2])
     if not known[1:].any():
         raise BadInput(
@@ -168,7 +168,7 @@ def loads_of(coder: Decoder, needed: Requirements | None) -> tuple[Loads, float,
     return Loads(force[known], _poses(coder, shift[:, known]), model(design, coder.forward.tau)), full, words
 
 
-def _shifts(coder: Decoder, normal: Array, tangential: Array, turn: Array) -> Array:
+def shifts_under(coder: Decoder, normal: Array, tangential: Array, turn: Array) -> Array:
     """Return the shifts (3, n) of the magnet under forces, the first of which are none; NaN where none is known."""
     law = coder.mechanics
     assert law is not None
@@ -270,7 +270,7 @@ def warming(coder: Decoder, loads: Loads, kelvin: float, full: float) -> list[Fl
     gain, rise = 1 + drift / 100 * kelvin, SILICONE_EXPANSION * kelvin * design.H
     free = loads.poses.shift.T
     turn = np.arctan2(loads.force[:, 1], loads.force[:, 0])
-    softer = _shifts(coder, loads.force[:, 2] / stiff, np.hypot(*loads.force[:, :2].T) / stiff, turn)
+    softer = shifts_under(coder, loads.force[:, 2] / stiff, np.hypot(*loads.force[:, :2].T) / stiff, turn)
     # a press at the end of what is known may lie beyond it now
     softer = np.where(np.isfinite(softer), softer, free)
     lift = np.array([[0.0], [0.0], [rise]])

@@ -1,0 +1,347 @@
+"""Arrays of equal beams on one base: the readings of all elements by all magnets, joint decoding, magnets' forces.
+
+Each beam has its own elements below it, those of the design. With the place P_i of beam i, the pole c_j = 1 of beam
+j, or -1 where its magnet is cast the other way up, and the shifts s of the magnets, a reading of beam i is
+
+    b_i(s) = sum_j c_j b(s_j; p + P_i - P_j),
+
+where b is the exact field of one magnet along the element at p, its tilt following from its shift as the decoder has
+it. Its slopes db_i/ds_j are exact too. What the neighbours add far away is the field of dipoles: the field itself,
+which taring removes, falls by (l0/p)^3 with the pitch p, and its change with a shift of the neighbour by (l0/p)^4.
+
+**Joint decoding** finds the s that have the readings: Gauss and Newton's steps over all beams at once, from poses
+decoded one by one (`decoded_alone`), perhaps less what the neighbours add in these (`less_neighbours`).
+
+**Forces.** The faces of a magnet carry the charges +-M, on which the field of all others acts (as in
+`analytic.magnet.repulsion`, here for any pose). On beams of stiffness k the magnets at rest shift by u, with
+(K - dF/ds) u = F, linear at rest. Where K - dF/ds has an eigenvalue of 0 or less, no rest is stable: neighbours snap
+together. Sideways a beam is Timoshenko's cantilever up to the magnet's centre, along z a column. The magnets' torques
+are left out. By Earnshaw's theorem dF/ds has no trace: whatever the poles, it softens the beams in some direction.
+
+Lengths in mm, B in T, forces in N, angles in rad.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from analytic import buckling
+from analytic.decode import Decoded, Decoder, decode
+from analytic.hall import plates_of, rotated
+from analytic.inverse.forward_model import Forward, magnets_at, place_magnets, readings_of_sensors, rotation
+from analytic.magnet import MU_0, repulsion
+from geometry.arrays import Array, Ints
+from geometry.design import BadInput, Design
+
+POLARITIES = ("up", "checkerboard", "rows")
+"""All magnets alike; every other one reversed, along rows and columns; every other row reversed."""
+STEPS = 20
+"""Largest number of joint steps: from poses decoded one by one four to six suffice."""
+CONVERGED = 1e-10
+"""Length of a step, over D, after which the next one would be rounding."""
+RADII, ANGLES = 8, 16
+"""Gauss points over the radius of a face, and angles: the force is exact to 2e-6 from a gap of two thirds of the
+radius on, and to 5e-5 from a third on."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BeamArray:
+    """Equal beams on a square grid.
+
+    forward : elements and magnet of each, and the tilt over the shift.
+    layout : place of each beam over the pitch, shape (n, 2).
+    poles : 1, or -1 for a reversed magnet, shape (n,).
+    pitch : distance of neighbours, mm.
+    reach : distance of beams up to which the field of one counts at the elements of the other, mm.
+    """
+
+    forward: Forward
+    layout: Array
+    poles: Array
+    pitch: float
+    reach: float = math.inf
+
+    def __len__(self) -> int:
+        return len(self.layout)
+
+    @property
+    def pairs(self) -> Ints:
+        """Beams whose elements read, and whose magnets act, each with itself too: (2, m), the first ascending."""
+        apart = self.pitch * np.linalg.norm(self.layout[:, None] - self.layout, axis=-1)
+        return np.array(np.nonzero(apart <= self.reach))
+
+    def offsets(self, pairs: Ints) -> Array:
+        """Return where the elements of each pair's first beam lie from the second one, (m, 3), mm."""
+        first, second = pairs
+        flat = self.pitch * (self.layout[first] - self.layout[second])
+        return np.column_stack([flat, np.zeros(len(flat))])
+
+
+def layout_of(rows: int, columns: int) -> Array:
+    """Return the places of beams over the pitch, row by row, about the middle, shape (n, 2).
+
+    >>> layout_of(1, 2).tolist()
+    [[-0.5, 0.0], [0.5, 0.0]]
+    """
+    y, x = np.indices((rows, columns)).reshape(2, -1)
+    return np.column_stack([x - (columns - 1) / 2, y - (rows - 1) / 2])
+
+
+def poles_of(polarity: str | Sequence[str], rows: int, columns: int) -> Array:
+    """Return the poles of the beams, row by row, from one of `POLARITIES` or a list of "up" and "down", shape (n,).
+
+    >>> poles_of("checkerboard", 2, 3).tolist()
+    [1.0, -1.0, 1.0, -1.0, 1.0, -1.0]
+    """
+    y, x = np.indices((rows, columns)).reshape(2, -1)
+    if polarity in POLARITIES:
+        odd = {"up": 0 * x, "checkerboard": x + y, "rows": y}[str(polarity)]
+        return np.asarray(1.0 - 2 * (odd % 2))
+    listed = [polarity] if isinstance(polarity, str) else list(polarity)
+    if unknown := [word for word in listed if word not in ("up", "down")]:
+        raise BadInput(f"polarity must be {', '.join(POLARITIES)}, or a list of up and down; got {unknown[0]!r}")
+    if len(listed) != rows * columns:
+        raise BadInput(
+            f"polarity lists {len(listed)} magnets, and {rows} x {columns} beams have {rows * columns}: give one for "
+            "each, row by row"
+        )
+    return np.array([1.0 if word == "up" else -1.0 for word in listed])
+
+
+def beam_array(forward: Forward, rows: int, columns: int, pitch: float, polarity: str | Sequence[str]) -> BeamArray:
+    """Return the array of a forward model; refuse what `checked_poles` refuses."""
+    poles = checked_poles(forward.design, rows, columns, pitch, polarity)
+    return BeamArray(forward, layout_of(rows, columns), poles, pitch)
+
+
+def checked_poles(design: Design, rows: int, columns: int, pitch: float, polarity: str | Sequence[str]) -> Array:
+    """Return the poles of an array of a design, (n,).
+
+    Raises
+    ------
+    BadInput
+        The beams would overlap, there are fewer than two, or the list of polarities has another length.
+    """
+    if not design.D < pitch < math.inf:
+        raise BadInput(f"beams overlap: the pitch must exceed D = {design.D:g} mm; got {pitch:g} mm")
+    if not (rows >= 1 and columns >= 1 and rows * columns >= 2):
+        raise BadInput(f"an array has two beams or more; got {rows} x {columns}: raise rows or columns")
+    return poles_of(polarity, rows, columns)
+
+
+# Readings
+
+
+def readings_by_pairs(array: BeamArray, shift: Array, *, slopes: bool = True) -> tuple[Ints, Array, Array]:
+    """Return the pairs (2, m), what each magnet adds to each reading, and its slopes along the magnet's shift.
+
+    shift : of the magnets in f frames, (f, n, 3), mm.
+
+    Returns
+    -------
+    pairs, values, slopes : (2, m), (m, f, k), T, and (m, f, k, 3), T/mm, empty if they are not wanted.
+
+    Raises
+    ------
+    BadInput
+        A point of an element lies on a magnet's rim.
+    """
+    forward, pairs = array.forward, array.pairs
+    design, (points, owners) = forward.design, plates_of(forward.elements)
+    normals = np.array([element.direction for element in forward.elements])[owners]
+    second = pairs[1]
+    at = points - [0.0, 0.0, design.H] + array.offsets(pairs)[:, None]
+    moved, axis, by_place, by_axis = _posed(forward, shift)
+    size = np.broadcast_to([design.magnet_diameter, design.magnet_height], (len(at), 2))
+    values, by_shift, by_turn = readings_of_sensors(
+        at, np.broadcast_to(normals, at.shape), owners, size, moved[second], axis[second], slopes=slopes
+    )
+    if np.isnan(values).any():
+        raise BadInput(
+            "a point of an element lies on a magnet's rim, where the field is infinite: move the point off"
+        )
+    strength = design.polarisation * array.poles[second][:, None, None]
+    if not slopes:
+        return pairs, strength * values, np.empty((0, 0, 0, 3))
+    turn = np.cross(by_turn, axis[second][:, :, None])
+    along = by_shift @ by_place[second].swapaxes(-1, -2) + turn @ by_axis[second].swapaxes(-1, -2)
+    return pairs, strength * values, strength[..., None] * along
+
+
+def _posed(forward: Forward, shift: Array) -> tuple[Array, Array, Array, Array]:
+    """Return displacement and axis of the magnets (n, f, 3), and their slopes along s_j at [n, f, j], by shifts."""
+    frames, beams = shift.shape[:2]
+    places = np.ascontiguousarray(shift.swapaxes(0, 1).reshape(-1, 3))
+    (moved, axis), (by_place, by_axis) = np.empty((2, len(places), 3)), np.empty((2, len(places), 3, 3))
+    place_magnets(forward.kernel[4], places, moved, axis, by_place, by_axis)
+    size, square = (beams, frames, 3), (beams, frames, 3, 3)
+    return moved.reshape(size), axis.reshape(size), by_place.reshape(square), by_axis.reshape(square)
+
+
+def readings_of_array(array: BeamArray, shift: Array, *, own: bool = True) -> Array:
+    """Return the readings (f, n, k), T, of all beams at shifts (f, n, 3), mm; without `own` what neighbours add."""
+    pairs, values, _ = readings_by_pairs(array, shift, slopes=False)
+    return _summed(pairs, values if own else values * (pairs[0] != pairs[1])[:, None, None])
+
+
+def _summed(pairs: Ints, values: Array) -> Array:
+    starts = np.flatnonzero(np.diff(pairs[0], prepend=-1))
+    return np.asarray(np.add.reduceat(values, starts).swapaxes(0, 1))
+
+
+def slopes_of_array(array: BeamArray, shift: Array) -> tuple[Array, Array]:
+    """Return the readings (f, n, k), T, and their slopes db_i/ds_j (f, n, k, n, 3), T/mm."""
+    pairs, values, slopes = readings_by_pairs(array, shift)
+    (f, n, _), k = shift.shape, values.shape[2]
+    whole = np.zeros((n, n, f, k, 3))
+    whole[tuple(pairs)] = slopes
+    return _summed(pairs, values), whole.transpose(2, 0, 3, 1, 4)
+
+
+# Decoding
+
+
+def decoded_alone(coder: Decoder, array: BeamArray, readings: Array) -> Decoded:
+    """Decode readings (f, n, k), T, each beam for itself; rows of the result are beam by beam of each frame.
+
+    What the neighbours add at rest must be taken off before, as taring does.
+    """
+    upright = readings * array.poles[:, None]
+    return decode(coder, upright.reshape(-1, readings.shape[2]))
+
+
+def at_rest_where_unknown(found: Decoded, shape: tuple[int, ...]) -> Array:
+    """Return the decoded shifts in a shape (f, n, 3), mm; 0 for rows without a pose."""
+    return np.nan_to_num(found.shift).reshape(shape)
+
+
+def less_neighbours(coder: Decoder, array: BeamArray, readings: Array, shift: Array) -> Decoded:
+    """Decode readings (f, n, k), T, each beam for itself, less what the others add in poses (f, n, 3), mm."""
+    return decoded_alone(coder, array, readings - readings_of_array(array, shift, own=False))
+
+
+def decoded_jointly(coder: Decoder, array: BeamArray, readings: Array, start: Array) -> Array:
+    """Return the shifts (f, n, 3), mm, that have the readings (f, n, k), T; NaN in frames that do not converge.
+
+    Each step solves A'W A p = A'W r for the misfits r of a frame, with the slopes A of all its readings along all
+    shifts and the decoder's weights. It is shortened so that no magnet moves more than D/16, as near a fold.
+
+    start : of the iteration, (f, n, 3), mm.
+    """
+    D, weights = array.forward.design.D, coder.goal.weights[:, None]
+    shift, active = start.copy(), np.arange(len(start))
+    found = np.full_like(start, np.nan)
+    for _ in range(STEPS):
+        values, A = slopes_of_array(array, shift[active])
+        f, n, k = values.shape
+        A = (A * weights[..., None]).reshape(f, n * k, 3 * n)
+        misfit = ((readings[active] - values) * weights[:, 0]).reshape(f, n * k, 1)
+        A_t = A.swapaxes(1, 2)
+        step = np.linalg.solve(A_t @ A, A_t @ misfit).reshape(f, n, 3)
+        length = np.linalg.norm(step, axis=2).max(axis=1)
+        shift[active] += step * np.minimum(1.0, D / 16 / np.maximum(length, 1e-300))[:, None, None]
+        done = length < CONVERGED * D
+        found[active[done]] = shift[active[done]]
+        active = active[~done]
+        if not len(active):
+            break
+    return found
+
+
+# Forces
+
+
+def magnet_forces(array: BeamArray, shift: Array) -> tuple[Array, Array]:
+    """Return the forces of the other magnets on each (n, 3), N, and their slopes dF_i/ds_j (n, 3, n, 3), N/mm.
+
+    shift : of the magnets, (n, 3), mm. The slopes are those of motions without a turn.
+    """
+    forward = array.forward
+    design, n = forward.design, len(array)
+    radius, half, J = design.magnet_diameter / 2, design.magnet_height / 2, design.polarisation
+    nodes, weights = np.polynomial.legendre.leggauss(RADII)
+    r, turns = radius * (nodes + 1) / 2, 2 * math.pi * (np.arange(ANGLES) + 0.5) / ANGLES
+    x, y = np.outer(r, np.cos(turns)).ravel(), np.outer(r, np.sin(turns)).ravel()
+    area = np.repeat(r * weights * radius / 2, ANGLES) * 2 * math.pi / ANGLES
+    faces = np.concatenate([np.column_stack([x, y, np.full(len(x), z)]) for z in (half, -half)])
+    # N/T: the polarisation is along -z
+    charge = -1e-6 * J / MU_0 * np.concatenate([area, -area])
+    moved, axis = magnets_at(forward, shift.T)
+    leaning = rotation(forward.tau, shift.T).T
+    places = moved[:, None] + rotated(faces, leaning[:, None])
+    first, second = pairs = array.pairs[:, np.not_equal(*array.pairs)]
+    # the three components at a point follow each other, for which the field is computed once
+    at = np.repeat(places[first] + array.offsets(pairs)[:, None], 3, axis=1)
+    normals = np.broadcast_to((charge[:, None, None] * np.eye(3)).reshape(-1, 3), at.shape)
+    owners = np.tile(np.arange(3), len(faces))
+    size = np.broadcast_to([design.magnet_diameter, design.magnet_height], (len(at), 2))
+    means, by_shift, _ = readings_of_sensors(at, normals, owners, size, moved[second][:, None], axis[second][:, None])
+    strength = J * len(faces) * array.poles[first] * array.poles[second]
+    force, slopes = np.zeros((n, 3)), np.zeros((n, 3, n, 3))
+    np.add.at(force, first, strength[:, None] * means[:, 0])
+    slopes[first, :, second] = strength[:, None, None] * by_shift[:, 0]
+    # a motion of all magnets together changes nothing
+    own = -slopes.sum(axis=2)
+    slopes[np.arange(n), :, np.arange(n)] = own
+    return force, slopes
+
+
+def dipole_share(design: Design, distance: float) -> float:
+    """Return the force between two dipoles side by side over that of the magnets, at a distance, mm."""
+    radius, height, J = design.magnet_diameter / 2, design.magnet_height, design.remanence_now
+    moment = J / MU_0 * math.pi * radius**2 * height * 1e-9
+    dipoles = 3 * MU_0 * moment**2 / (4 * math.pi * (1e-3 * distance) ** 4)
+    return dipoles / repulsion(radius, height, J, distance)
+
+
+def stiffness(design: Design) -> Array:
+    """Return the stiffness of an unpressed beam against forces on its magnet along x, y and z, (3,), N/mm."""
+    sideways = buckling.sideways_stiffness(design, design.H)
+    return np.array([sideways, sideways, design.E_now * math.pi * design.R**2 / design.H])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rest:
+    """What the magnets do to each other at rest.
+
+    force, shift : of each, (n, 3), N and mm; the shift is NaN where no rest is stable.
+    margin : least eigenvalue of the stiffness with the magnets, over that of a beam sideways; stable above 0.
+    """
+
+    force: Array
+    shift: Array
+    margin: float
+
+
+def rest(array: BeamArray) -> Rest:
+    """Return forces and shifts at rest, by the stiffness there."""
+    n = len(array)
+    force, slopes = magnet_forces(array, np.zeros((n, 3)))
+    beams = stiffness(array.forward.design)
+    whole = np.diag(np.tile(beams, n)) - slopes.reshape(3 * n, 3 * n)
+    margin = float(np.linalg.eigvalsh((whole + whole.T) / 2)[0] / beams[0])
+    shift = np.full((n, 3), np.nan)
+    if margin > 0:
+        shift[:] = np.linalg.solve(whole, force.ravel()).reshape(n, 3)
+    return Rest(force, shift, margin)
+
+
+def critical_pitch(array: BeamArray) -> float:
+    """Return the pitch, mm, below which neighbours snap together; 0 if none does at a pitch of D."""
+    from scipy.optimize import brentq
+
+    D = array.forward.design.D
+
+    def margin(pitch: float) -> float:
+        return rest(replace(array, pitch=pitch)).margin
+
+    near, far = D * (1 + 1e-6), 2 * D
+    if margin(near) > 0:
+        return 0.0
+    while margin(far) <= 0:
+        far *= 2
+    return float(brentq(margin, near, far, rtol=1e-6))

@@ -1,0 +1,504 @@
+"""How the beams of an array disturb each other: cross-talk, errors of the force over the pitch, forces of magnets.
+
+Random loads of the range act on all beams at once; the same ones, by a fixed seed, at every pitch and polarity. The
+readings of the whole array (`analytic.beam_arrays`), tared at rest, are decoded in three ways:
+
+- **ignoring** the neighbours: each beam for itself;
+- **subtracting**: each for itself again, less what its neighbours add in the poses so found, once;
+- **jointly**: all poses from all readings.
+
+Mechanics and elements count as exact. Forces in N, lengths in mm, fields in T unless a name says otherwise.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from analytic import beam_arrays
+from analytic.beam_arrays import POLARITIES, BeamArray, beam_array, readings_of_array
+from analytic.decode import Decoder, decoder
+from analytic.inverse import response_surface
+from analytic.inverse.forward_model import model
+from geometry.arrays import Array
+from geometry.design import BadInput, Design
+from geometry.messages import Progress
+from studies.inputs.units import quantity
+from studies.inputs.user_input import table_beside
+from studies.output import page_templates
+from studies.output.figures import LOG, Figure, panels, picture, rule, styles
+from studies.output.records import FlatRow
+from studies.output.result import Result, Table
+from studies.sensing.decode_readings import Source
+from studies.sensing.disturbances import Loads, loads_of, shifts_under
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from studies.inputs.option_groups import Arraying
+    from studies.parts.requirements import Requirements
+
+FILES = ("ARRAY.md", "pitches.csv", "crosstalk.csv", "array.png")
+KEYS: dict[str, Any] = {"rows": int, "columns": int, "pitch": float | str, "polarity": str | list[str]}
+"""Keys of the table [array] of a design file."""
+MOST = 16
+"""Largest number of rows and of columns."""
+DECODERS = {"ignoring": "neighbours ignored", "subtracting": "subtracted once", "jointly": "decoded jointly"}
+NEAREST, FARTHEST, STEPS = 1.0625, 5.0, 12
+"""Pitches of the curve over D: the ends, and how many evenly on a logarithmic scale."""
+FAR = (10.0, 20.0)
+"""Pitches over D from which the law far away follows."""
+FRAMES, SEED = 16, 1
+"""Number of random loads of the whole array, and their seed."""
+REACHES = {"8 nearest": 1.5, "24 nearest": 2.5}
+"""Beams that a sparse joint decoder takes, and the distance up to which these lie, over the pitch."""
+TIMED, REPEATS = 4, 9
+"""Rows and columns of the array whose decoding is timed, and the number of times, of which the median counts."""
+LIGHTER = 0.99
+"""Shifts of the frame before over those of the frame, for the time of following a stream."""
+SNAPPED = "neighbours snap together"
+
+
+@dataclass(frozen=True, slots=True)
+class Grid:
+    """What array is asked for; the pitch in mm, None for 2 D."""
+
+    rows: int = 3
+    columns: int = 3
+    pitch: float | None = None
+    polarity: str | tuple[str, ...] = "up"
+
+    def array(self, coder: Decoder, pitch: float, polarity: str | tuple[str, ...]) -> BeamArray:
+        """Return the array at another pitch and polarity."""
+        return beam_array(coder.forward, self.rows, self.columns, pitch, polarity)
+
+
+def grid_of(source: str, options: Arraying) -> Grid:
+    """Return the array of the options, and where they name none that of the design file's table [array]."""
+    stated = table_beside(source, "array", KEYS)
+    given = {name: value for name in KEYS if (value := getattr(options, name)) is not None}
+    values = stated | given
+    for name in ("rows", "columns"):
+        if not 1 <= values.get(name, 1) <= MOST:
+            raise BadInput(f"{name} of an array must lie between 1 and {MOST}; got {values[name]}")
+    if "pitch" in values:
+        values["pitch"] = quantity("pitch", values["pitch"], "mm")
+    polarity = values.get("polarity", "up")
+    if polarity not in POLARITIES:
+        listed = polarity.split(",") if isinstance(polarity, str) else polarity
+        values["polarity"] = tuple(word.strip() for word in listed)
+    if not 0 < options.error < 100:
+        raise BadInput(f"--error must lie between 0 and 100 percent; got {options.error:g}")
+    return Grid(**values)
+
+
+def run(
+    design: Design,
+    mechanics: Callable[[], Source],
+    grid: Grid,
+    options: Arraying,
+    needed: Requirements | None,
+    progress: Progress,
+) -> Result:
+    """Return cross-talk, errors and forces of the array, and errors over the pitch for each polarity.
+
+    mechanics : gives the mechanics of the design, which may take some seconds.
+    needed : what the design states as required; else the range is that of a press of 3 D/8 with a shear of D/8.
+    """
+    pitch = 2 * design.D if grid.pitch is None else grid.pitch
+    # refused before the mechanics take their time
+    beam_arrays.checked_poles(design, grid.rows, grid.columns, pitch, grid.polarity)
+    source = mechanics()
+    coder = decoder(design, source.law)
+    loads, full, words = loads_of(coder, needed)
+    asked = grid.array(coder, pitch, grid.polarity)
+    critical = beam_arrays.critical_pitch(asked)
+    if not beam_arrays.rest(asked).margin > 0:
+        raise BadInput(
+            f"the magnets of neighbours snap together at a pitch of {pitch:g} mm: with a shift their forces grow by "
+            f"more than the {beam_arrays.stiffness(design)[0]:.3g} N/mm of a beam; take more than {critical:.4g} mm, "
+            "another polarity, or stiffer beams"
+        )
+    drawn = random_loads(coder, loads, FRAMES * len(asked))
+    force, shift = (rows.reshape(FRAMES, len(asked), 3) for rows in drawn)
+    rows = list(over_pitch(coder, grid, pitch, (force, shift), full, progress))
+    own = next(row for row in rows if row["polarity"] == _name(grid.polarity) and row["pitch_mm"] == pitch)
+    laws, smallest = _laws(coder, grid, rows, shift), _smallest(rows, options.error)
+    matrix, near = cross_talk(coder, asked, loads)
+    sparse = _sparse(coder, asked, force, shift, full)
+    record = {
+        "mechanics": source.name,
+        "rows": grid.rows,
+        "columns": grid.columns,
+        "pitch_mm": pitch,
+        "polarity": _name(grid.polarity),
+        "full_scale_N": full,
+        "full_scale": words,
+        "frames": FRAMES,
+        **{key: value for key, value in own.items() if key not in ("polarity", "pitch_mm", "status")},
+        **_noise(coder, asked, force, shift),
+        "magnets_change_N": _change_of_forces(asked, shift),
+        "dipole_force_over_exact": beam_arrays.dipole_share(design, pitch),
+        "stiffness_N_per_mm": float(beam_arrays.stiffness(design)[0]),
+        "critical_pitch_mm": critical,
+        "cross_talk": near,
+        "sparse": sparse,
+        "laws": laws,
+        "error_percent": options.error,
+        "smallest_pitch": smallest,
+        **_cost(coder, grid, pitch, drawn[1]),
+    }
+    page = page_templates.rendered(
+        Path(__file__).with_name("ARRAY.md.j2"),
+        record=record,
+        reason=source.reason,
+        decoders=DECODERS,
+        forces=forces_in_words(record),
+        cost=cost_in_words(record),
+    )
+    return Result(
+        title="Array",
+        records=[record],
+        shown=_shown(record, rows),
+        tables={"pitches": rows, "crosstalk": matrix},
+        pages={"ARRAY.md": page},
+        files={
+            "array.png": lambda path: picture(path, rows, lambda table: figures(table, laws, design, options.error))
+        },
+        warnings=[source.warning] * bool(source.warning),
+    )
+
+
+def _shown(record: dict[str, Any], rows: list[FlatRow]) -> list[Table | str]:
+    title = f"{record['rows']} x {record['columns']} beams, {record['polarity']}, pitch {record['pitch_mm']:g} mm"
+    errors = [
+        {"decoder": name}
+        | {key: record[f"{decoder}_{key}"] for key in ("N", "median_N", "percent", "no_force_percent")}
+        for decoder, name in DECODERS.items()
+    ]
+    brief = [f"{name}_median_N" for name in DECODERS] + ["stray_change_mT", "margin"]
+    brief += [f"{name}_no_force_percent" for name in ("subtracting", "jointly")]
+    return [
+        Table(title=f"Errors of the force: {title}", rows=errors),
+        Table(title="Cross-talk by distance", rows=record["cross_talk"]),
+        Table(title="Over the pitch", rows=rows, brief=brief),
+        Table(title="Far away", rows=record["laws"]),
+        Table(title=f"Smallest pitch for an error of {record['error_percent']:g} %", rows=record["smallest_pitch"]),
+        Table(title="Joint decoding with the nearest neighbours only", rows=record["sparse"]),
+        forces_in_words(record),
+        cost_in_words(record),
+    ]
+
+
+def cost_in_words(record: dict[str, Any]) -> str:
+    """Return the time of joint decoding, in a sentence."""
+    return (
+        f"Decoding {TIMED} x {TIMED} beams jointly takes {record['decode_ms']:.3g} ms of one thread a frame, and "
+        f"{record['follow_ms']:.3g} ms from the poses of the frame before."
+    )
+
+
+def forces_in_words(record: dict[str, Any]) -> str:
+    """Return what the magnets do to each other, in sentences."""
+    critical = record["critical_pitch_mm"]
+    snap = (
+        f"below a pitch of {critical:.3g} mm neighbours snap together" if critical else "no neighbours snap together"
+    )
+    return (
+        f"The magnets push or pull a beam at rest by up to {record['magnets_N']:.3g} N, which shifts it by up to "
+        f"{record['magnets_shift_mm']:.3g} mm; {snap}. Under the loads this force changes by up to "
+        f"{record['magnets_change_N']:.3g} N, which acts on the magnet and not on the tip, and no decoder takes "
+        f"it off. Two dipoles would have {record['dipole_force_over_exact']:.3g} times the force of neighbours."
+    )
+
+
+def _name(polarity: str | tuple[str, ...]) -> str:
+    return polarity if isinstance(polarity, str) else ",".join(polarity)
+
+
+# Loads and errors
+
+
+def random_loads(coder: Decoder, loads: Loads, count: int) -> tuple[Array, Array]:
+    """Return random forces of the range, (n, 3), N, and the shifts of the magnet under them, (n, 3), mm.
+
+    The press is evenly distributed up to the largest one, the force along the plate up to its share of the largest
+    one. Where the mechanics know no shift, others are drawn.
+    """
+    press = float(loads.force[:, 2].max())
+    share = float(np.hypot(*loads.force[:, :2].T).max()) / press
+    random = np.random.default_rng(SEED)
+    normal = press * random.uniform(0, 1, 4 * count)
+    tangential = share * normal * random.uniform(0, 1, 4 * count)
+    turn = 2 * np.pi * random.uniform(0, 1, 4 * count)
+    # the first one is rest, whose shift is known
+    normal[0] = tangential[0] = 0.0
+    shift = shifts_under(coder, normal, tangential, turn)
+    known = np.flatnonzero(np.isfinite(shift[2]))[:count]
+    if len(known) < count:
+        raise BadInput("the mechanics know too few loads of the range: take others by --level, or require less")
+    force = np.column_stack([tangential * np.cos(turn), tangential * np.sin(turn), normal])
+    return force[known], shift.T[known]
+
+
+def over_pitch(
+    coder: Decoder, grid: Grid, pitch: float, drawn: tuple[Array, Array], full: float, progress: Progress
+) -> list[FlatRow]:
+    """Return the errors of all decoders over the pitch for each polarity, that of the array among them."""
+    D = coder.forward.design.D
+    between = [float(f"{each * D:.4g}") for each in np.geomspace(NEAREST, FARTHEST, STEPS)[:-1]]
+    pitches = sorted({*between, *(each * D for each in (FARTHEST, *FAR)), pitch})
+    polarities = list(dict.fromkeys([*POLARITIES, grid.polarity]))
+    cases = [(polarity, each) for polarity in polarities for each in pitches]
+    rows = []
+    for k, (polarity, each) in enumerate(cases):
+        progress(k / len(cases), f"{_name(polarity)}, pitch {each:g} mm")
+        rows.append(_row(coder, grid.array(coder, each, polarity), _name(polarity), drawn, full))
+    return rows
+
+
+def _row(coder: Decoder, array: BeamArray, polarity: str, drawn: tuple[Array, Array], full: float) -> FlatRow:
+    force, shift = drawn
+    magnets, stray = beam_arrays.rest(array), readings_of_array(array, 0 * shift[:1], own=False)
+    found: FlatRow = {"polarity": polarity, "pitch_mm": array.pitch}
+    if magnets.margin > 0:
+        decoded, status = forces_of_decoders(coder, array, readings_of_array(array, shift)), "ok"
+    else:
+        decoded, status = dict.fromkeys(DECODERS, np.full_like(force, np.nan)), SNAPPED
+    for name in DECODERS:
+        found |= _errors(name, decoded[name], force, full)
+    return found | {
+        "stray_at_rest_mT": 1e3 * float(np.abs(stray).max()),
+        "stray_change_mT": 1e3 * _change_of_stray(array, shift),
+        "magnets_N": float(np.linalg.norm(magnets.force, axis=1).max()),
+        "magnets_shift_mm": float(np.linalg.norm(magnets.shift, axis=1).max()),
+        "margin": magnets.margin,
+        "status": status,
+    }
+
+
+def forces_of_decoders(coder: Decoder, array: BeamArray, readings: Array) -> dict[str, Array]:
+    """Return the decoded forces (f, n, 3), N, of readings (f, n, k), T, by the names of the decoders."""
+    law, shape = coder.mechanics, (*readings.shape[:2], 3)
+    assert law is not None
+    stray = readings_of_array(array, np.zeros((1, *shape[1:])), own=False)
+    alone = beam_arrays.decoded_alone(coder, array, readings - stray)
+    first = beam_arrays.at_rest_where_unknown(alone, shape)
+    once = beam_arrays.less_neighbours(coder, array, readings, first)
+    joint = beam_arrays.decoded_jointly(coder, array, readings, beam_arrays.at_rest_where_unknown(once, shape))
+    forces = alone.force, once.force, response_surface.force_and_load(law, joint.reshape(-1, 3).T)[0].T
+    return {name: force.reshape(shape) for name, force in zip(DECODERS, forces, strict=True)}
+
+
+def _errors(name: str, decoded: Array, force: Array, full: float) -> FlatRow:
+    error = np.linalg.norm(decoded - force, axis=-1)
+    known = error[np.isfinite(error)]
+    worst, median = (float(known.max()), float(np.median(known))) if len(known) else (math.nan, math.nan)
+    return {
+        f"{name}_N": worst,
+        f"{name}_median_N": median,
+        f"{name}_percent": 100 * worst / full,
+        f"{name}_no_force_percent": 100 * (1 - len(known) / error.size),
+    }
+
+
+def _noise(coder: Decoder, array: BeamArray, force: Array, shift: Array) -> FlatRow:
+    """Return the root mean square of the force's error by noise, decoded jointly, and of beams without neighbours."""
+    if not coder.sigma.any():
+        return {"noise_N": math.nan, "noise_alone_N": math.nan}
+    noise = coder.sigma * np.random.default_rng(SEED).normal(size=(*shift.shape[:2], len(coder.sigma)))
+    alone = replace(array, reach=0.0)
+    found = {}
+    for name, which in (("noise_N", array), ("noise_alone_N", alone)):
+        decoded = forces_of_decoders(coder, which, readings_of_array(which, shift) + noise)["jointly"]
+        found[name] = float(np.sqrt(np.nanmean(((decoded - force) ** 2).sum(axis=-1))))
+    return found
+
+
+def _sparse(coder: Decoder, array: BeamArray, force: Array, shift: Array, full: float) -> list[FlatRow]:
+    """Return the errors of joint decoders that know the nearest neighbours only, tared at rest in the whole array."""
+    rest, readings, rows = 0 * shift[:1], readings_of_array(array, shift), []
+    for name, over_pitch in REACHES.items():
+        near = replace(array, reach=over_pitch * array.pitch)
+        tared = readings - readings_of_array(array, rest) + readings_of_array(near, rest)
+        decoded = forces_of_decoders(coder, near, tared)["jointly"]
+        rows.append({"neighbours": name, "reach_mm": near.reach} | _errors("error", decoded, force, full))
+    return rows
+
+
+def _change_of_forces(array: BeamArray, shift: Array) -> float:
+    rest, _ = beam_arrays.magnet_forces(array, np.zeros(shift.shape[1:]))
+    changes = [beam_arrays.magnet_forces(array, frame)[0] - rest for frame in shift]
+    return float(np.linalg.norm(changes, axis=-1).max())
+
+
+# Cross-talk, and laws over the pitch
+
+
+def cross_talk(coder: Decoder, array: BeamArray, loads: Loads) -> tuple[list[FlatRow], list[FlatRow]]:
+    """Return d(reading of a beam)/d(force on a beam), mT/N, all of them, and the largest by the beams' distance.
+
+    All beams are pressed alike, by about half of the largest press.
+    """
+    law, n = coder.mechanics, len(array)
+    assert law is not None
+    upright = np.flatnonzero(~loads.force[:, :2].any(axis=1) & (loads.force[:, 2] > 0))
+    middle = upright[np.abs(loads.force[upright, 2] - loads.force[:, 2].max() / 2).argmin()]
+    shift = loads.poses.shift[middle]
+    _, A = beam_arrays.slopes_of_array(array, np.broadcast_to(shift, (1, n, 3)))
+    by_shift = response_surface.forces(law, shift[:, None])[1][:, :, 0].T
+    # (beam, element, beam, axis of the force)
+    by_force = 1e3 * A[0] @ np.linalg.inv(by_shift)
+    decoded = np.array([by_shift @ np.linalg.pinv(by_force[i, :, i] @ by_shift) for i in range(n)])
+    told = 100 * np.einsum("iak,ikjb->iajb", decoded, by_force)
+    rows: list[FlatRow] = [
+        {"reading_of_beam": i + 1, "element": element.name, "force_on_beam": j + 1}
+        | {f"d{axis}_mT_per_N": float(value) for axis, value in zip("xyz", by_force[i, k, j], strict=True)}
+        for i in range(n)
+        for j in range(n)
+        for k, element in enumerate(coder.forward.elements)
+    ]
+    apart = np.round(array.pitch * np.linalg.norm(array.layout[:, None] - array.layout, axis=-1), 6)
+    near: list[FlatRow] = []
+    for distance in np.unique(apart).tolist():
+        first, second = np.nonzero(apart == distance)
+        of_axis = {
+            f"reading_by_F{axis}_mT_per_N": float(np.abs(by_force[first, :, second, k]).max())
+            for k, axis in enumerate("xyz")
+        }
+        ignored = float(np.linalg.norm(told[first, :, second], axis=1).max())
+        near.append({"distance_mm": distance} | of_axis | {"decoded_percent": ignored})
+    return rows, near
+
+
+def _laws(coder: Decoder, grid: Grid, rows: list[FlatRow], shift: Array) -> list[FlatRow]:
+    """Return for each polarity the powers by which field, its change and error fall between the pitches `FAR`.
+
+    The field at rest falls by the third power, its change by shifts of the neighbours by the fourth, and by their
+    tilt by the third again, but from far less: the error lies between.
+    """
+    design = coder.forward.design
+    still = model(design, elements=coder.forward.elements)
+    apart, found = math.log(FAR[1] / FAR[0]), list[FlatRow]()
+    for polarity in dict.fromkeys(row["polarity"] for row in rows):
+        of_it = {row["pitch_mm"]: row for row in rows if row["polarity"] == polarity}
+        near, far = (of_it[each * design.D] for each in FAR)
+        poles = polarity if polarity in POLARITIES else grid.polarity
+        changes = [
+            _change_of_stray(replace(grid.array(coder, each * design.D, poles), forward=still), shift) for each in FAR
+        ]
+        at = of_it[FARTHEST * design.D]
+        found.append({
+            "polarity": polarity,
+            "field_power": math.log(near["stray_at_rest_mT"] / far["stray_at_rest_mT"]) / apart,
+            "by_shift_power": math.log(changes[0] / changes[1]) / apart,
+            "error_power": math.log(near["ignoring_N"] / far["ignoring_N"]) / apart,
+            "error_over_(l0/p)^4_percent": at["ignoring_percent"] * (at["pitch_mm"] / design.l0) ** 4,
+        })  # fmt: skip
+    return found
+
+
+def _change_of_stray(array: BeamArray, shift: Array) -> float:
+    """Return the largest change from rest of what the neighbours add to a reading, T."""
+    change = readings_of_array(array, shift, own=False) - readings_of_array(array, 0 * shift[:1], own=False)
+    return float(np.abs(change).max())
+
+
+def _smallest(rows: list[FlatRow], limit: float) -> list[FlatRow]:
+    """Return for each polarity and decoder the pitch from which on the worst error stays within a limit, percent.
+
+    Between two pitches it is interpolated on logarithmic scales; where all are within it, the first one is an upper
+    bound.
+    """
+    found: list[FlatRow] = []
+    for polarity in dict.fromkeys(row["polarity"] for row in rows):
+        of_it = [row for row in rows if row["polarity"] == polarity]
+        for name, words in DECODERS.items():
+            error = np.array([row[f"{name}_percent"] for row in of_it])
+            lost = np.array([row[f"{name}_no_force_percent"] > 0 for row in of_it])
+            pitches = np.array([row["pitch_mm"] for row in of_it])
+            beyond = np.flatnonzero(lost | ~(error <= limit))
+            last = beyond[-1] if len(beyond) else -1
+            if last == len(pitches) - 1:
+                smallest = math.nan
+            elif last < 0 or lost[last]:
+                smallest = float(pitches[last + 1])
+            else:
+                at = np.interp(math.log(limit), *(np.log(each[[last + 1, last]]) for each in (error, pitches)))
+                smallest = math.exp(at)
+            found.append({
+                "polarity": polarity, "decoder": words, "smallest_pitch_mm": smallest,
+                "bound": "at most" if last < 0 else "",
+            })  # fmt: skip
+    return found
+
+
+def _cost(coder: Decoder, grid: Grid, pitch: float, shift: Array) -> FlatRow:
+    """Return the times of decoding a frame of 4 x 4 beams, from its readings alone and from the frame before, ms."""
+    polarity = grid.polarity if grid.polarity in POLARITIES else "up"
+    array = beam_array(coder.forward, TIMED, TIMED, pitch, polarity)
+    one = np.resize(shift, (1, len(array), 3))
+    readings = readings_of_array(array, one)
+
+    def median_ms(decode: Callable[[], Any]) -> float:
+        times = []
+        for _ in range(REPEATS):
+            start = time.thread_time()
+            decode()
+            times.append(1e3 * (time.thread_time() - start))
+        return float(np.median(times))
+
+    return {
+        "decode_ms": median_ms(lambda: forces_of_decoders(coder, array, readings)),
+        "follow_ms": median_ms(lambda: beam_arrays.decoded_jointly(coder, array, readings, LIGHTER * one)),
+    }
+
+
+# The figure
+
+
+def figures(table: pd.DataFrame, laws: list[FlatRow], design: Design, limit: float) -> list[Figure]:
+    """Return the error over the pitch, a panel for each polarity, beside the law of the gradient of a dipole."""
+    import altair as alt
+    import pandas as pd
+
+    x, y, law = "pitch (mm)", "largest error of the force (% of the range)", "proportional to (l0/pitch)^4"
+    shown = table[table["pitch_mm"] <= FARTHEST * design.D]
+    parts = [
+        pd.DataFrame({
+            x: shown["pitch_mm"], y: shown[f"{name}_percent"], "series": DECODERS[name], "panel": shown["polarity"],
+        })
+        for name in ("ignoring", "subtracting")
+    ]  # fmt: skip
+    ends = shown["pitch_mm"].iloc[[0, -1]].to_numpy()
+    parts += [
+        pd.DataFrame({
+            x: ends, y: row["error_over_(l0/p)^4_percent"] * (design.l0 / ends) ** 4, "series": law,
+            "panel": row["polarity"],
+        })
+        for row in laws
+    ]  # fmt: skip
+    data = pd.concat(parts, ignore_index=True).dropna(ignore_index=True)
+    low, high = np.log10(data[y].min()), np.log10(data[y].max())
+    powers = (10.0 ** np.arange(math.ceil(low), math.floor(high) + 1)).tolist()
+    looks = styles([*list(DECODERS.values())[:2], law], lines=[law])
+    axes = {"x": alt.X(x, **LOG), "y": alt.Y(y, **(LOG | {"axis": {"format": "~g", "values": powers}}))}
+    of_law = f"datum.series == '{law}'"
+    lines = alt.Chart().transform_filter(f"!({of_law})").mark_line(point=True).encode(**axes, **looks)
+    guide = alt.Chart().transform_filter(of_law).mark_line(strokeDash=[5, 4]).encode(**axes, color=looks["color"])
+    chart = panels(alt.layer(*rule("y", limit, f"{limit:g} %"), guide, lines), data)
+    caption = "Largest error of the decoded force over random loads on all beams at once, tared at rest."
+    worst = table.loc[table["ignoring_no_force_percent"].idxmax()]
+    note = (
+        f"Random loads on all beams, tared at rest. Not counted are readings that give no force, up to "
+        f"{worst['ignoring_no_force_percent']:.2g} % at {worst['pitch_mm']:g} mm where neighbours are ignored; "
+        f"jointly decoded, no error exceeds {table['jointly_percent'].max():.1g} %. Subtracted once, a beam without "
+        "a pose counts as at rest, which makes steps."
+    )
+    return [Figure("Error of the force by the neighbours in an array", caption, chart, data, (note,))]

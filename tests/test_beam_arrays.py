@@ -1,0 +1,236 @@
+"""Arrays of beams: fields and forces of neighbours in closed form, joint decoding, and the verb."""
+
+import json
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pytest
+
+from analytic import beam_arrays, buckling
+from analytic.beam_arrays import beam_array, magnet_forces, readings_of_array, slopes_of_array
+from analytic.decode import decoder
+from analytic.inverse.forward_model import model, readings_with_slopes
+from analytic.magnet import repulsion
+from geometry.design import BadInput, paper
+from studies.inputs.option_groups import Arraying
+from studies.sensing import crosstalk
+from studies.sensing.crosstalk import Grid
+from studies.simulation.mechanics_sources import source_of
+
+DESIGN = paper()
+STILL = model(DESIGN)
+LEANING = model(DESIGN, (np.array([[0.04, 0.01], [0.002, 0.0]]), -0.2, 0.2))
+"""The magnet tilts by 40 mrad for each mm along the base, and more where it is pressed."""
+CODER = decoder(DESIGN)
+
+
+def shifts(frames, beams, seed=3):
+    """Random shifts (frames, beams, 3), mm, well inside the workspace."""
+    return np.random.default_rng(seed).uniform([-0.5, -0.5, -2.0], [0.5, 0.5, 0.0], (frames, beams, 3))
+
+
+def slope_of(function, shift, beam, axis, step=1e-4):
+    up, down = shift.copy(), shift.copy()
+    up[..., beam, axis] += step
+    down[..., beam, axis] -= step
+    return (function(up) - function(down)) / (2 * step)
+
+
+# Fields
+
+
+def test_the_field_of_a_far_neighbour_falls_by_the_cube_and_its_gradient_by_the_fourth_power():
+    near, far = (beam_array(STILL, 1, 2, factor * DESIGN.D, "up") for factor in (1000, 2000))
+    rest = np.zeros((1, 2, 3))
+    fields = [np.abs(readings_of_array(each, rest, own=False)).max() for each in (near, far)]
+    gradients = [np.abs(slopes_of_array(each, rest)[1][0, 0, :, 1]).max() for each in (near, far)]
+    assert np.log2(fields[0] / fields[1]) == pytest.approx(3, abs=0.01)
+    assert np.log2(gradients[0] / gradients[1]) == pytest.approx(4, abs=0.01)
+
+
+def test_a_beam_reads_its_own_magnet_as_a_single_sensor():
+    shift = shifts(2, 4)
+    alone = replace(beam_array(LEANING, 2, 2, 12.0, "up"), reach=0.0)
+    values, slopes = slopes_of_array(alone, shift)
+    one, along = readings_with_slopes(LEANING, shift[1, 2][:, None])
+    assert values[1, 2] == pytest.approx(one[:, 0], rel=1e-12)
+    assert slopes[1, 2, :, 2] == pytest.approx(along[:, :, 0].T, rel=1e-9, abs=1e-12)
+    assert not slopes[1, 2, :, 1].any()
+
+
+def test_slopes_of_all_readings_are_those_of_differences():
+    array, shift = beam_array(LEANING, 1, 3, 9.0, "checkerboard"), shifts(1, 3)
+    _, slopes = slopes_of_array(array, shift)
+    for beam, axis in ((0, 0), (1, 2), (2, 1)):
+        found = slope_of(lambda s: readings_of_array(array, s), shift, beam, axis)
+        assert slopes[..., beam, axis] == pytest.approx(found, abs=1e-7 * np.abs(slopes).max())
+
+
+def test_all_magnets_reversed_reverse_all_readings():
+    array, shift = beam_array(STILL, 2, 2, 10.0, "rows"), shifts(1, 4)
+    reversed_ = replace(array, poles=-array.poles)
+    assert readings_of_array(reversed_, shift) == pytest.approx(-readings_of_array(array, shift), rel=1e-12)
+
+
+# Decoding
+
+
+@pytest.mark.parametrize("polarity", beam_arrays.POLARITIES)
+def test_joint_decoding_returns_the_poses_of_random_loads(polarity):
+    array, shift = beam_array(CODER.forward, 3, 3, 8.5, polarity), shifts(4, 9)
+    readings = readings_of_array(array, shift)
+    first = beam_arrays.at_rest_where_unknown(beam_arrays.decoded_alone(CODER, array, readings), shift.shape)
+    assert beam_arrays.decoded_jointly(CODER, array, readings, first) == pytest.approx(shift, abs=1e-9)
+
+
+def test_subtracting_the_neighbours_brings_the_poses_nearer():
+    array, shift = beam_array(CODER.forward, 1, 3, 20.0, "up"), shifts(4, 3)
+    readings = readings_of_array(array, shift)
+    stray = readings_of_array(array, 0 * shift, own=False)
+    first = beam_arrays.decoded_alone(CODER, array, readings - stray).shift.reshape(shift.shape)
+    second = beam_arrays.less_neighbours(CODER, array, readings, first).shift.reshape(shift.shape)
+    assert np.abs(second - shift).max() < np.abs(first - shift).max() / 10
+
+
+def test_a_frame_that_no_poses_have_is_unknown():
+    array = beam_array(CODER.forward, 1, 2, 12.0, "up")
+    assert np.isnan(beam_arrays.decoded_jointly(CODER, array, np.full((1, 2, 3), 10.0), np.zeros((1, 2, 3)))).all()
+
+
+# Forces
+
+
+def test_two_magnets_side_by_side_repel_as_the_closed_form_says():
+    force, _ = magnet_forces(beam_array(STILL, 1, 2, 9.0, "up"), np.zeros((2, 3)))
+    expected = repulsion(DESIGN.magnet_diameter / 2, DESIGN.magnet_height, DESIGN.remanence_now, 9.0)
+    assert force[:, 0] == pytest.approx([-expected, expected], rel=1e-6)
+    opposite, _ = magnet_forces(beam_array(STILL, 1, 2, 9.0, ("up", "down")), np.zeros((2, 3)))
+    assert opposite == pytest.approx(-force)
+
+
+def test_magnets_act_on_each_other_alike():
+    """No force in sum, reciprocal slopes as of an energy, and no trace on any magnet (Earnshaw)."""
+    force, slopes = magnet_forces(beam_array(STILL, 2, 3, 9.0, "checkerboard"), shifts(1, 6)[0])
+    size = np.abs(slopes).max()
+    assert force.sum(axis=0) == pytest.approx([0, 0, 0], abs=1e-6 * np.abs(force).max())
+    whole = slopes.reshape(18, 18)
+    assert whole == pytest.approx(whole.T, abs=1e-6 * size)
+    assert np.einsum("iaia->i", slopes) == pytest.approx(np.zeros(6), abs=1e-9 * size)
+
+
+def test_slopes_of_forces_are_those_of_differences():
+    array, shift = beam_array(STILL, 1, 3, 9.0, "up"), shifts(1, 3)[0]
+    _, slopes = magnet_forces(array, shift)
+    found = slope_of(lambda s: magnet_forces(array, s)[0], shift, 1, 2)
+    assert slopes[:, :, 1, 2] == pytest.approx(found, abs=1e-6 * np.abs(slopes).max())
+
+
+def test_far_magnets_are_dipoles():
+    assert beam_arrays.dipole_share(DESIGN, 400.0) == pytest.approx(1, abs=1e-3)
+
+
+def test_a_beam_at_rest_shifts_by_the_force_over_its_stiffness_where_that_is_large():
+    array = beam_array(STILL, 1, 2, 30.0, "up")
+    found = beam_arrays.rest(array)
+    assert found.shift[:, 0] == pytest.approx(found.force[:, 0] / beam_arrays.stiffness(DESIGN)[0], rel=1e-3)
+
+
+def test_a_force_at_half_the_height_meets_more_than_twice_the_stiffness():
+    """A column that only sheared would have twice, one that only bent eight times."""
+    half, tip = (buckling.sideways_stiffness(DESIGN, height) for height in (DESIGN.L / 2, None))
+    assert 2 < half / tip < 8
+
+
+def test_soft_neighbours_snap_together_below_the_critical_pitch():
+    soft = model(replace(DESIGN, E=0.02))
+    critical = beam_arrays.critical_pitch(beam_array(soft, 3, 3, 20.0, "rows"))
+    assert critical > DESIGN.D
+    margins = [beam_arrays.rest(beam_array(soft, 3, 3, share * critical, "rows")).margin for share in (0.999, 1.001)]
+    assert margins[0] < 0 < margins[1]
+    assert np.isnan(beam_arrays.rest(beam_array(soft, 3, 3, 0.999 * critical, "rows")).shift).all()
+
+
+def test_the_poles_of_rows():
+    assert beam_arrays.poles_of("rows", 2, 2).tolist() == [1, 1, -1, -1]
+    with pytest.raises(
+        BadInput, match="polarity must be up, checkerboard, rows, or a list of up and down; got 'left'"
+    ):
+        beam_arrays.poles_of("left", 2, 2)
+
+
+# The study and its verb
+
+
+@pytest.fixture(scope="module")
+def found():
+    """The study of two beams, 12 mm apart."""
+    mechanics = partial(source_of, DESIGN, "finite", None)
+    return crosstalk.run(DESIGN, mechanics, Grid(1, 2, 12.0), Arraying(), None, lambda share, text: None)
+
+
+def test_errors_by_decoder(found):
+    (record,) = found.records
+    assert record["jointly_N"] < 1e-9 < record["subtracting_N"] < record["ignoring_N"]
+    assert record["jointly_no_force_percent"] == 0
+
+
+def test_two_beams_in_a_row_are_alike_by_either_of_the_polarities_that_reverse_none(found):
+    errors = {row["polarity"]: row["ignoring_N"] for row in found.tables["pitches"] if row["pitch_mm"] == 12.0}
+    assert errors["up"] == errors["rows"] != errors["checkerboard"]
+
+
+def test_powers_far_away(found):
+    for law in found.records[0]["laws"]:
+        assert law["field_power"] == pytest.approx(3, abs=0.05)
+        assert law["by_shift_power"] == pytest.approx(4, abs=0.2)
+        assert 3 < law["error_power"] < 4.2
+
+
+def test_the_smallest_pitch_has_the_error_that_is_asked_for(found):
+    smallest = next(each for each in found.records[0]["smallest_pitch"] if each["decoder"] == "neighbours ignored")
+    pitches = [row for row in found.tables["pitches"] if row["polarity"] == smallest["polarity"]]
+    near, far = (
+        max((row for row in pitches if row["pitch_mm"] < smallest["smallest_pitch_mm"]), key=lambda r: r["pitch_mm"]),
+        min((row for row in pitches if row["pitch_mm"] > smallest["smallest_pitch_mm"]), key=lambda r: r["pitch_mm"]),
+    )
+    assert far["ignoring_percent"] < 1.0 < near["ignoring_percent"]
+
+
+def test_the_matrix_has_a_row_for_each_reading_and_beam(found):
+    assert len(found.tables["crosstalk"]) == 2 * 3 * 2
+    assert found.records[0]["cross_talk"][0]["decoded_percent"] == pytest.approx(100, rel=1e-9)
+
+
+def test_the_nearest_neighbours_are_all_of_two_beams(found):
+    assert all(row["error_N"] < 1e-9 for row in found.records[0]["sparse"])
+
+
+def test_a_design_file_states_its_array(run, tmp_path):
+    path = tmp_path / "pads.toml"
+    path.write_text('[array]\nrows = 1\ncolumns = 3\npitch = "14 mm"\npolarity = ["up", "down", "up"]\n', "utf-8")
+    words = ("array", path, "--columns", "2", "--polarity", "up,down", "--level", "finite", "--out", tmp_path / "out")
+    status, out, err = run(*words, "--json")
+    assert status == 0, err
+    record = json.loads(out)
+    assert [record[name] for name in ("rows", "columns", "pitch_mm", "polarity")] == [1, 2, 14.0, "up,down"]
+    assert {path.name for path in (tmp_path / "out").iterdir()} >= set(crosstalk.FILES)
+    assert (tmp_path / "out" / "ARRAY.md").read_text("utf-8").startswith("# How the beams of an array")
+
+
+REFUSALS = {
+    "--pitch 8": "beams overlap: the pitch must exceed D = 8 mm; got 8 mm",
+    "--polarity up,down": "polarity lists 2 magnets, and 3 x 3 beams have 9: give one for each, row by row",
+    "--polarity left": "polarity must be up, checkerboard, rows, or a list of up and down; got 'left'",
+    "--rows 1 --columns 1": "an array has two beams or more; got 1 x 1: raise rows or columns",
+    "--rows 17": "rows of an array must lie between 1 and 16; got 17",
+    "--error 0": "--error must lie between 0 and 100 percent; got 0",
+    "--set E=0.02 --pitch 8.5 --polarity rows --level finite": "take more than 9.631 mm, another polarity",
+}
+
+
+@pytest.mark.parametrize("words", REFUSALS)
+def test_refusals(run, words):
+    status, out, err = run("array", "paper", *words.split())
+    assert (status, out) == (2, "")
+    assert REFUSALS[words] in err
