@@ -5,7 +5,7 @@ PLAIN := .venv/plain
 ONE_THREAD := OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1
 OUT ?= out/demo
 
-.PHONY: demo test pytest check scripts compile plain setup format clean
+.PHONY: demo test pytest check scripts compile plain setup docs format clean
 
 demo: setup
 	$(BIN)/magtip demo --out $(OUT)
@@ -55,6 +55,15 @@ setup: .venv/ready
 	$(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'pip>=25'
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[fast,cluster,test]'
+	touch $@
+
+# the site, in out/docs: a warning is an error, and a link that leads nowhere is a warning
+docs: .venv/docs
+	$(BIN)/sphinx-build -E -W --keep-going -q -c docs . out/docs
+	@echo "open out/docs/index.html"
+
+.venv/docs: .venv/ready
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[docs]'
 	touch $@
 
 format: setup

@@ -1,6 +1,7 @@
 """What the documents name is there: modules in the maps, links, dotted names, verbs, the version."""
 
 import ast
+import dataclasses
 import re
 import sys
 import tomllib
@@ -10,14 +11,18 @@ import pytest
 from conftest import BY_PLAIN, left_out
 from plain_environment import needed
 
+from docs import reference_pages
+from geometry.design import Design
 from studies.cli import commands
+from studies.quantities import QUANTITIES
 
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("geometry", "fem", "analytic", "studies")
 DOCUMENTS = sorted(
     path
-    for folder in (".", *PACKAGES, "results")
+    for folder in (".", *PACKAGES, "docs", "results")
     for path in (ROOT / folder).glob("*.md" if folder == "." else "**/*.md")
+    if path.parent != reference_pages.FOLDER
 )
 HEADING = re.compile(r"^### `([\w.]+)`$")
 ROW = re.compile(r"^\| `(\w+)` \|")
@@ -66,17 +71,41 @@ def slug(heading):
     return re.sub(r"[^\w\- ]", "", heading.lower()).strip().replace(" ", "-")
 
 
-@pytest.mark.parametrize("path", DOCUMENTS, ids=name)
-def test_links_lead_to_files_and_headings(path):
-    for target in LINK.findall(prose(path)):
+def check_links(text, path):
+    """Links of a document lead to files and headings, or to pages that are made when the site is built."""
+    for target in LINK.findall(text):
         if target.startswith(("http://", "https://")):
             continue
         file, _, anchor = target.partition("#")
-        goal = (path.parent / file) if file else path
+        goal = (path.parent / file).resolve() if file else path
+        if goal.parent == reference_pages.FOLDER:
+            assert goal.stem in reference_pages.PAGES, target
+            continue
         assert goal.exists(), target
         if anchor:
             headings = re.findall(r"^#+ (.+)$", prose(goal), flags=re.M)
             assert anchor in map(slug, headings), target
+
+
+@pytest.mark.parametrize("path", DOCUMENTS, ids=name)
+def test_links_lead_to_files_and_headings(path):
+    check_links(prose(path), path)
+
+
+@pytest.mark.parametrize(
+    ("page", "names"),
+    [
+        ("design", [spec.name for spec in dataclasses.fields(Design)]),
+        ("load", ["depth", "shear", "shear_y", "friction", "grip", "plate_tilt", "imperfection"]),
+        ("quantities", QUANTITIES),
+        ("tasks", [verb for verb in commands.app if not verb.startswith("-")]),
+        ("python", ["Design", "solve", "answer"]),
+    ],
+)
+def test_pages_of_the_reference_have_all_names_and_links(page, names):
+    text = reference_pages.page(page)
+    assert [name for name in names if not re.search(rf"^\|? ?#* ?`?{name}`?", text, flags=re.M)] == []
+    check_links(text, reference_pages.FOLDER / f"{page}.md")
 
 
 def defined(path):
@@ -149,7 +178,8 @@ def project():
 def test_no_pinned_package_is_there_that_nothing_asks_for(project):
     """CI installs all of them, so that one whose requirement is missing would be there for the tests only."""
     pinned = re.findall(r"^([\w.-]+)==", (ROOT / "constraints.txt").read_text("utf-8"), flags=re.M)
-    extras = [one for more in project["optional-dependencies"].values() for one in more]
+    # the site is built by who wants it, and CI does not
+    extras = [one for name, more in project["optional-dependencies"].items() if name != "docs" for one in more]
     asked = needed(project["dependencies"] + extras)
     assert {re.sub(r"[-_.]+", "-", one).lower() for one in pinned} <= set(asked)
 

@@ -27,7 +27,9 @@ from studies.inputs import study_input, user_input
 
 ROOT = Path(__file__).resolve().parent.parent
 READMES = [ROOT / name / "README.md" for name in (".", "geometry", "fem", "analytic", "studies", "results")]
-TUTORIAL = ROOT / "studies" / "examples" / "TUTORIAL.md"
+READMES += [*sorted((ROOT / "docs").glob("*.md")), *sorted((ROOT / "docs" / "explanation").glob("*.md"))]
+COMPILED = ROOT / "studies" / "examples" / "TUTORIAL.md"
+TUTORIALS = [*sorted((ROOT / "docs" / "tutorials").glob("[!i]*.md")), COMPILED]
 FENCE = re.compile(r"^( *)```(\w+)\n(.*?)^\1```$", flags=re.M | re.S)
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
 INLINE = re.compile(r"`((?:magtip|python -m) [^`]+)`")
@@ -61,11 +63,13 @@ def blocks(path):
 BLOCKS = [block for path in READMES for block in blocks(path)]
 
 
+def name(path):
+    return path.relative_to(ROOT).with_suffix("").as_posix()
+
+
 def of_kind(*kinds):
     chosen = [block for block in BLOCKS if block.kind in kinds]
-    return pytest.mark.parametrize(
-        "block", chosen, ids=lambda block: f"{block.path.relative_to(ROOT).parent.as_posix()}-{block.number}"
-    )
+    return pytest.mark.parametrize("block", chosen, ids=lambda block: f"{name(block.path)}-{block.number}")
 
 
 def commands_of(block):
@@ -149,29 +153,47 @@ def run_shown(command, capsys):
     return done.stdout
 
 
-@pytest.mark.calibrates
-@pytest.mark.skipif(shutil.which("gcc") is None, reason="the tutorial compiles the decoder: gcc is not installed")
-def test_tutorial_prints_what_it_shows(capsys, tmp_path, monkeypatch):
-    """Its commands follow each other in one folder, with the files that it shows."""
+NEEDS_GCC = pytest.mark.skipif(
+    shutil.which("gcc") is None, reason="the tutorial compiles the decoder: gcc is missing"
+)
+
+
+@pytest.mark.parametrize(
+    "path",
+    [pytest.param(path, marks=[pytest.mark.calibrates, NEEDS_GCC] if path == COMPILED else ()) for path in TUTORIALS],
+    ids=name,
+)
+def test_tutorial_prints_what_it_shows(path, capsys, tmp_path, monkeypatch):
+    """Its commands and snippets follow each other in one folder, with the files and the names that it has made."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "100")
     monkeypatch.setenv("PYTHONPATH", str(ROOT))
-    for block in blocks(TUTORIAL):
+    names = {"__name__": "snippet"}
+    for block in blocks(path):
         if block.kind == "c":
             Path(re.match(r"/\* (\S+):", block.text)[1]).write_text(block.text, encoding="utf-8")
-            continue
-        assert block.kind == "console"
-        for command, output in commands_of(block):
-            assert same(lines(output), lines(run_shown(command, capsys))), command
+        elif block.kind == "python":
+            run_snippet(block, names)
+        else:
+            assert block.kind == "console"
+            for command, output in commands_of(block):
+                assert same(lines(output), lines(run_shown(command, capsys))), command
+    pictures = re.findall(r"!\[[^]]*\]\((\w+\.\w+)\)", path.read_text("utf-8"))
+    assert [picture for picture in pictures if not Path(picture).exists()] == []
+
+
+def run_snippet(block, names):
+    """Run a snippet with names that it may add to, and compare what it prints."""
+    printed = io.StringIO()
+    with contextlib.redirect_stdout(printed):
+        exec(compile(block.text, str(block.path), "exec"), names)
+    assert same(lines(block.output or ""), lines(printed.getvalue()))
 
 
 @of_kind("python")
 def test_snippet_prints_what_is_shown(block):
-    printed = io.StringIO()
-    with contextlib.redirect_stdout(printed):
-        exec(compile(block.text, str(block.path), "exec"), {"__name__": "snippet"})
     assert block.output is not None, "show what it prints in a block `text`"
-    assert same(lines(block.output), lines(printed.getvalue()))
+    run_snippet(block, {"__name__": "snippet"})
 
 
 @of_kind("toml")
@@ -187,12 +209,12 @@ def test_file_is_a_design_or_a_study(block, tmp_path):
 def test_no_other_blocks():
     """A block of another kind would be shown and never run."""
     assert {block.kind for block in BLOCKS} <= {"console", "sh", "python", "toml"}
-    fences = sum(path.read_text("utf-8").count("```") for path in READMES)
+    fences = sum(re.sub(r"```\{.*?```", "", path.read_text("utf-8"), flags=re.S).count("```") for path in READMES)
     assert fences == 2 * sum(1 + (block.output is not None) for block in BLOCKS)
 
 
 def inline():
-    return sorted({command for path in READMES for command in INLINE.findall(path.read_text("utf-8"))})
+    return sorted({command for path in READMES + TUTORIALS for command in INLINE.findall(path.read_text("utf-8"))})
 
 
 @pytest.mark.parametrize("command", inline())

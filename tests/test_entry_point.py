@@ -232,6 +232,18 @@ def test_help_lists_the_verbs_in_groups_from_a_design_to_its_validation(run):
     assert [title + ":" if title else verb for title, verb in listed] == ORDER.split()
 
 
+def test_without_a_verb_the_list_is_followed_by_five_commands_to_try(run):
+    status, text, _ = run()
+    listed, _, tries = text.partition("Five things to try:\n")
+    assert (status, listed) == (0, run("--help")[1])
+    lines = re.findall(r"^  magtip (\S.*?)(?: > \S+)?  +\w.*$", tries, re.MULTILINE)
+    assert len(lines) == 5 == tries.count("\n")
+    assert all(
+        callable(app.parse_args(shlex.split(line), exit_on_error=False, print_error=False)[0]) for line in lines
+    )
+    assert max(map(len, tries.splitlines())) <= 80
+
+
 def test_validate_lists_its_studies(run):
     listed = re.findall(r"^│ ([-\w]+)", run("validate")[1], re.MULTILINE)
     assert listed == ["bench", "devices", "errors", "formulas", "surrogate", "verify"]

@@ -179,6 +179,15 @@ REMEDIES: dict[type[Exception], Callable[[Any], str]] = {
 }
 
 
+TO_TRY = {
+    "magtip solve paper --depth 1": "press the paper's sensor by 1 mm",
+    "magtip explore paper": "change it by hand, on a live page",
+    "magtip compare paper": "its formulas beside finite elements",
+    "magtip size --example > mine.toml": "state your forces, then size mine.toml",
+    "magtip cad paper --out cad": "its mould, base, drawings and recipe",
+}
+"""Commands for who types none, with what each does."""
+
 SPACE, PLACE = "make space on its disk, or choose another folder", "choose another folder"
 RIGHTS, NAME = "change its permissions, or choose another folder", "choose another name"
 OF_FILES: dict[int | None, str] = {
@@ -211,6 +220,8 @@ def run(tokens: list[str] | None = None) -> int:
             if all(word.startswith("-") for word in words[listed is not app :][:1]):
                 list(map(listed.__getitem__, listed))
             status = app(words, exit_on_error=False, print_error=False, result_action="return_value")
+            if not words:
+                print("Five things to try:", *(f"  {line:35}{text}" for line, text in TO_TRY.items()), sep="\n")
             sys.stdout.flush()
     except (BadInput, CycloptsError) as error:
         sentence = REMEDIES.get(type(error), str)(error)

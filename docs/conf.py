@@ -1,0 +1,65 @@
+"""The site: pages in docs, READMEs and results where they stand, and a reference that is made when the site is built.
+
+The source of the site is the repository, so that every page has the links that it has there. `make docs` builds it.
+"""
+
+import logging
+import re
+import sys
+from pathlib import Path
+
+from sphinx import addnodes
+
+ROOT = Path(__file__).resolve().parent.parent
+sys.path[:0] = [str(ROOT), str(ROOT / "docs")]
+
+import reference_pages  # noqa: E402
+
+project, author = "magtip", "magtip contributors"
+version = release = reference_pages.version()
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
+root_doc = "docs/index"
+include_patterns = ["*.md", "*/README.md", "studies/**.md", "docs/**.md", "results/**.md"]
+exclude_patterns = [".*", "node_modules", "out", "tests", "**/__pycache__"]
+html_theme = "furo"
+html_title = f"magtip {version}"
+html_additional_pages = {"index": "index.html"}
+templates_path = ["templates"]
+html_copy_source = html_show_copyright = False
+# a line of 100 characters, as the terminal prints it, is as wide as the text
+html_theme_options = {"navigation_with_keys": True, "light_css_variables": {"code-font-size": "0.74rem"}}
+default_role = "code"
+myst_enable_extensions = ["deflist"]
+myst_heading_anchors = 4
+napoleon_use_param = napoleon_use_rtype = napoleon_use_ivar = False
+autodoc_member_order = "bysource"
+autodoc_typehints = "none"
+
+
+def in_sections(app, what, name, obj, options, lines):
+    """Write `a, b : words` as `a, b` above its words, since types are in the signature, and examples as a section."""
+    section, made = "", []
+    for k, line in enumerate(lines):
+        if k + 1 < len(lines) and re.fullmatch("-{3,}", lines[k + 1].strip()):
+            section = line.strip()
+        if line.startswith(">>>") and section != "Examples":
+            section = "Examples"
+            made += [section, "--------"]
+        term = re.fullmatch(r"(\S[\w, *]*?) : (.+)", line) if section in ("Parameters", "Attributes") else None
+        made += [term[1], f"    {term[2]}"] if term else [line]
+    lines[:] = made
+
+
+def folders_as_text(app, doctree):
+    """Show links to folders as text: the site has pages, pictures and files."""
+    for link in list(doctree.findall(addnodes.pending_xref)):
+        place = Path(app.env.doc2path(app.env.docname)).parent / str(link["reftarget"])
+        if link["reftype"] == "myst" and place.is_dir():
+            link.replace_self(link.children)
+
+
+def setup(app):
+    logging.getLogger("skfem").setLevel(logging.WARNING)
+    app.connect("builder-inited", lambda app: reference_pages.write())
+    app.connect("autodoc-process-docstring", in_sections, priority=100)
+    app.connect("doctree-read", folders_as_text)

@@ -1,0 +1,93 @@
+"""The reference of the site, made from the program: verbs, fields, quantities, tasks, and the two drawings.
+
+Needs no Sphinx, so that tests can read the pages.
+"""
+
+import dataclasses
+import functools
+import math
+import re
+from importlib import metadata
+from pathlib import Path
+
+import jinja2
+
+import magtip
+from geometry.design import Design, paper
+from geometry.loads import Load
+from studies.cli.commands import app
+from studies.fabrication import symbol_drawings
+from studies.quantities import QUANTITIES, UNITS
+
+DOCS = Path(__file__).resolve().parent
+FOLDER = DOCS / "reference"
+PAGES = ("design", "load", "python", "quantities", "tasks", "verbs")
+"""Names of the pages, each with its template."""
+DRAWINGS = {"sensor.svg": symbol_drawings.lengths, "loads.svg": symbol_drawings.loads}
+TASK = re.compile(r"^\| ([^|]+) \| `(magtip \w[^|]*)` \|$", re.M)
+
+
+def version() -> str:
+    return metadata.version("magtip")
+
+
+def page(name: str) -> str:
+    """Return the text of a page of the reference, in Markdown."""
+    loader = jinja2.FileSystemLoader(DOCS / "templates")
+    templates = jinja2.Environment(loader=loader, trim_blocks=True, undefined=jinja2.StrictUndefined)
+    return templates.get_template(f"{name}.md.j2").render(**VALUES[name]())
+
+
+def write() -> None:
+    """Write all pages and drawings; files that stay the same are not touched."""
+    FOLDER.mkdir(exist_ok=True)
+    texts = {FOLDER / f"{name}.md": functools.partial(page, name) for name in PAGES}
+    texts |= {DOCS / name: functools.partial(draw, paper()) for name, draw in DRAWINGS.items()}
+    for path, make in texts.items():
+        text = make()
+        if not path.exists() or path.read_text("utf-8") != text:
+            path.write_text(text, "utf-8")
+
+
+def fields(record: type) -> list[dict[str, str]]:
+    """Return name, default, unit, range and words of each field of a dataclass, as text."""
+    return [
+        {
+            "name": spec.metadata.get("column") or spec.name,
+            "default": "" if spec.default in (None, "") else f"{spec.default}",
+            "unit": UNITS[spec.metadata["unit"]],
+            "range": within(spec.metadata),
+            "words": spec.metadata["text"] + (" *(assumed)*" if spec.metadata.get("assumed") else ""),
+        }
+        for spec in dataclasses.fields(record)
+    ]
+
+
+def within(about: dict) -> str:
+    """Return what a field may be, from its metadata: a range, choices, or nothing for free text."""
+    parts = [", ".join(about.get("choices") or about.get("names") or ())]
+    if "low" in about and math.isfinite(about["low"]) and math.isfinite(about["high"]):
+        parts.append(f"{about['low']:g} to {about['high']:g}")
+    elif "low" in about and math.isfinite(about["low"]):
+        parts.append(f"{'above' if about['open_low'] else 'from'} {about['low']:g}")
+    return "; ".join(filter(None, parts))
+
+
+def tasks() -> dict[str, object]:
+    """Return the rows of the table of verbs, by their verb."""
+    found: dict[str, list[tuple[str, str]]] = {}
+    for to, command in TASK.findall((DOCS.parent / "studies" / "README.md").read_text("utf-8")):
+        here = re.sub(r"\]\((?!http)([^)]+)\)", r"](../../studies/\1)", to)
+        found.setdefault(command.split()[1], []).append((here, command))
+    return {"tasks": found}
+
+
+VALUES = {
+    "design": lambda: {"fields": fields(Design)},
+    "load": lambda: {"fields": fields(Load)},
+    "python": lambda: {"names": {name: isinstance(getattr(magtip, name), type) for name in magtip.__all__}},
+    "quantities": lambda: {"quantities": QUANTITIES.values(), "units": UNITS},
+    "tasks": tasks,
+    "verbs": lambda: {"text": app.generate_docs().partition("**Design**:")[2]},
+}
+"""What each template shows."""
