@@ -39,6 +39,10 @@ EDGE = 1.5
 """Least distance of the edge of the base from a screw hole and from the beam, mm."""
 
 
+MOUTH = (0.2, 0.3)
+"""Width and height of the chamfer at the mouth of a pocket in the underside, mm: it is printed on the bed, where
+hollows close by some 0.1 mm a side."""
+
 THINNEST = 3.0
 """Least thickness of a plate with three one-axis elements where none is chosen, mm."""
 
@@ -306,11 +310,23 @@ def base(design: Design, choices: Base, process: str = "fdm") -> Solid:
         plate = plate.fuse(*(post.solid() for post in p.seats.posts.values())).solids()[0]
     hollows = (*p.seats.bodies.values(), *p.seats.passages.values(), *p.openings, *p.marks)
     tools = [block.solid() for block in hollows]
+    tools += [_mouth(seat) for seat in p.seats.bodies.values() if seat.corner[2] <= -p.thickness + CLOSE]
     if p.recess > 0:
         tools.append(turned([(0, 0, 0), (p.recess_radius, 0, 0), (p.recess_radius, p.recess, 0), (0, p.recess, 0)]))
     if p.screw > 0:
         tools += [bd.Solid.make_cylinder(p.screw / 2, height, bd.Plane((x, y, -p.thickness))) for x, y in p.screws]
     return cut(plate, *tools)
+
+
+def _mouth(seat: Block) -> Solid:
+    """Return the hollow that widens a pocket at its lower end, a frustum."""
+    import build123d as bd
+
+    (wide, high), (x, y, z), (length, width, _) = MOUTH, seat.corner, seat.sides
+    middle = x + length / 2, y + width / 2
+    below = bd.Rectangle(length + 2 * wide, width + 2 * wide).wire().moved(bd.Location((*middle, z)))
+    above = bd.Rectangle(length, width).wire().moved(bd.Location((*middle, z + high)))
+    return bd.Solid.make_loft([below, above], ruled=True)
 
 
 def warnings(design: Design) -> list[str]:

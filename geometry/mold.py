@@ -78,6 +78,8 @@ class Mold:
     tip_vent : diameter of a hole through the floor at the tip, 0 for none; it leaves a nub to cut off.
     columns, rows : number of cavities along x and along y.
     split : 1 for a B in two halves along a row (only with rows = 1).
+    jig : 1 for a jig that puts the magnets in (`geometry.fabrication.magnet_jig`), 0 for none; default: a jig where
+        the magnet allows it.
     marks : 1 to engrave A on the lid, B on the foot, and the pole of the magnet that faces up in the mould (N or S).
     dowel : diameter of the two pins that align the halves of B, across the split; default: 2.
 
@@ -104,6 +106,7 @@ class Mold:
     columns: int = quantity(1, "1", 1, 10, count=True)
     rows: int = quantity(1, "1", 1, 10, count=True)
     split: int = quantity(0, "1", 0, 1, count=True)
+    jig: int | None = quantity(None, "1", 0, 1, count=True)
     marks: int = quantity(0, "1", 0, 1, count=True)
     dowel: float | None = quantity(None, "mm", 0.1, 100.0)
 

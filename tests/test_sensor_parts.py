@@ -27,11 +27,14 @@ from studies.inputs.option_groups import Fabrication
 from studies.output import own_files
 from studies.simulation import design_summary
 
-PARTS = ["beam", "silicone", "magnet", "base", "mold_a", "mold_b"]
+JIG = ["jig", "jig_plunger", "jig_bar", "jig_gauge"]
+PARTS = ["beam", "silicone", "magnet", "base", "mold_a", "mold_b", *JIG]
 SHEETS = {
     "sensor.svg",
     "base.svg",
     "mold.svg",
+    "jig.svg",
+    "jig.png",
     "assembly.step",
     "mold.step",
     "assembly.png",
@@ -108,7 +111,7 @@ MIX |= {"assumed": ("mixed", "hours")}
 def recipe_text(design, choices):
     size, recipe = design_summary.outer_size(design, None), casting_recipe.recipe_of(design, choices)
     row = sensor_parts.fabricated("ok", "", Path("out"), size | {"recipe": recipe})
-    return casting_recipe.text(design, choices, row, None, "", "magtip cad")
+    return casting_recipe.text(design, choices, row, None, [], "magtip cad")
 
 
 def test_the_recipe_mixes_and_weighs_the_silicone_that_was_chosen():
@@ -144,11 +147,11 @@ def test_two_degassings_are_held_against_the_pot_life(pot_life, said):
     assert said in recipe_text(paper(), sensor_solids.FabricationChoices(silicone=MIX | {"pot_life": pot_life}))
 
 
-def test_each_magnet_that_repels_has_a_batch_of_glue_and_a_cure_of_its_own():
+def test_each_magnet_that_repels_has_a_batch_of_glue_and_a_cure_of_its_own_without_a_jig():
     design = dataclasses.replace(paper(), D=12.0, L=14.0, l0=10.5, magnet_diameter=6.0, magnet_height=3.0)
-    for columns, batches in ((1, 1), (2, 2)):
+    for columns, jig, batches in ((1, 0, 1), (2, 0, 2), (2, 1, 1)):
         recipe = casting_recipe.recipe_of(
-            design, sensor_solids.FabricationChoices(Mold(columns=columns), silicone=MIX)
+            design, sensor_solids.FabricationChoices(Mold(columns=columns, jig=jig), silicone=MIX)
         )
         assert recipe["mixes"][1]["batches"] == batches
         assert recipe["total_h"] == casting_recipe.HANDLING + 48 * (2 + batches)
@@ -156,11 +159,32 @@ def test_each_magnet_that_repels_has_a_batch_of_glue_and_a_cure_of_its_own():
 
 def test_neighbouring_magnets_are_glued_one_after_another():
     design = dataclasses.replace(paper(), D=12.0, L=14.0, l0=10.5, magnet_diameter=6.0, magnet_height=3.0)
-    text = recipe_text(design, sensor_solids.FabricationChoices(Mold(columns=2)))
+    text = recipe_text(design, sensor_solids.FabricationChoices(Mold(columns=2, jig=0)))
     assert "repel with 0.043 N, 6.9 times their weight" in text
     assert "stay by themselves from 32.2 mm" in text
     assert text.index("one after another") < text.index("Let the glue cure") < text.index("Second pour")
-    assert "one after another" not in recipe_text(design, sensor_solids.FabricationChoices())
+    assert "one after another" not in recipe_text(design, sensor_solids.FabricationChoices(Mold(jig=0)))
+
+
+def test_the_jig_holds_all_magnets_for_one_cure():
+    design = dataclasses.replace(paper(), D=12.0, L=14.0, l0=10.5, magnet_diameter=6.0, magnet_height=3.0)
+    text = recipe_text(design, sensor_solids.FabricationChoices(Mold(columns=2, shrink=0.01)))
+    order = [
+        "Tell the pole",
+        "jig onto B",
+        "repel with",
+        "passes over one that lies",
+        "Lay the bar",
+        "top must lie",
+        "Second pour",
+    ]
+    places = [text.index(words) for words in order]
+    assert places == sorted(places)
+    # the pocket of (L - D/2 + h/2) is longer by the shrinkage, the magnet is not
+    assert f"{9.5 / 0.99 - 3:.2f} mm below B's rim" in text
+    steps = [line.split(".")[0] for line in text.splitlines() if line[:1].isdigit()]
+    assert steps[:15] == [str(k) for k in range(1, 16)]
+    assert "jig" not in recipe_text(design, sensor_solids.FabricationChoices(Mold(jig=0)))
 
 
 def test_assembly_and_mould_are_named_and_coloured(made):
@@ -213,12 +237,19 @@ def test_json_and_a_base_that_has_no_place(run, refusal, tmp_path, strict):
     text = (tmp_path / "parts" / "README.md").read_text(encoding="utf-8")
     assert "There is no base and so no assembled size; the beam is 8 x 8 x 12 mm" in text
     assert "Two pins of Ø2 x 10 mm lie across the split, in holes of Ø2.1 mm" in text
-    names = ["beam", "silicone", "magnet", "mold_a", "mold_b1", "mold_b2"]
+    names = ["beam", "silicone", "magnet", "mold_a", "mold_b1", "mold_b2", *JIG]
     assert [part["name"] for part in record["parts"]] == names
     assert set(record["checks"][0]) == {field.name for field in dataclasses.fields(Check)}
     assert all(check["passed"] for check in record["checks"])
     written = {f"{name}.{ending}" for name in names for ending in ("step", "stl", "3mf")}
-    assert files_of(tmp_path / "parts") == written | {"README.md", "mold.step", "mold.svg", "parts.csv"}
+    assert files_of(tmp_path / "parts") == written | {
+        "README.md",
+        "mold.step",
+        "mold.svg",
+        "jig.svg",
+        "jig.png",
+        "parts.csv",
+    }
     # who asks for a certain base gets it or a reason
     assert "l0 must be at least 9.1" in refusal("cad", "paper", "--out", "other", "--base", "screw=3", *options)
 
@@ -235,7 +266,7 @@ def test_a_batch_fills_a_folder_for_each_combination(run, tmp_path, strict):
     assert f"magtip: variant D3_L10: {records[0]['message']}\nmagtip: 1 of 2 variants failed\n" in err
     assert files_of(tmp_path / "parts") == {"D8_L10"}
     written = {f"{name}.{ending}" for name in PARTS for ending in ("step", "stl", "3mf")}
-    assert files_of(tmp_path / "parts" / "D8_L10") == (written | SHEETS) - {"assembly.png"}
+    assert files_of(tmp_path / "parts" / "D8_L10") == (written | SHEETS) - {"assembly.png", "jig.png"}
     text = (tmp_path / "parts" / "D8_L10" / "README.md").read_text(encoding="utf-8")
     assert "assembly.png" not in text
     assert "Written by `magtip cad paper --out parts --axis D=3,8 --axis L=10`." in text

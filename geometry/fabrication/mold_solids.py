@@ -255,7 +255,7 @@ def checks(design: Design, mold: Mold, A: Solid, B: Solid, halves: Sequence[Soli
     travel, closed = s.skirt + s.lid - s.bottom - s.floor, overlap(A, B)
     results = [
         _none("overlap of A and B in the closed mould", closed / nominal),
-        _none("overlap of the screws with A and B", sum(_screwed(s, s.lid, A, B)) / nominal),
+        _none("overlap of the screws with A and B", screw_overlap(s, s.lid, A, B) / nominal),
         Check("cavity volume against beam minus pin", error, f"|.| <= {ROUNDING:g}", "1", abs(error) <= ROUNDING),
         _none("overlap while A leaves B", largest_overlap(A, B, travel, (0.0, 0.0, 1.0), closed) / nominal),
         _none("overlap while A leaves the cast", largest_overlap(A, cast, travel, (0.0, 0.0, 1.0)) / nominal),
@@ -285,13 +285,13 @@ def _none(name: str, share: float) -> Check:
     return at_most(name, share, ROUNDING, "1")
 
 
-def _screwed(s: Sizes, height: float, *parts: Solid) -> Iterable[float]:
-    """Yield the volumes that screws up to a height share with parts, mm³, lug by lug."""
+def screw_overlap(s: Sizes, top: float, *parts: Solid) -> float:
+    """Return the volume that the screws of all lugs, up to a height, share with parts, mm³."""
     import build123d as bd
 
-    for lug in s.lugs:
-        screw = bd.Solid.make_cylinder(BOLT / 2, height - s.bottom, bd.Plane((*lug.at(s.reach[1]), s.bottom)))
-        yield from (overlap(screw, part) for part in parts)
+    places = [bd.Plane((*lug.at(s.reach[1]), s.bottom)) for lug in s.lugs]
+    screws = [bd.Solid.make_cylinder(BOLT / 2, top - s.bottom, place) for place in places]
+    return sum(itertools.starmap(overlap, itertools.product(screws, parts)))
 
 
 def _walls(s: Sizes, A: Solid, B: Solid, cast: Solid) -> list[Check]:

@@ -1,12 +1,13 @@
-"""A picture of the assembled sensor, cut open along y = 0 so that all parts but the magnet show their section.
+"""Pictures of the assembled sensor, and of the jig that puts its magnet in, cut open along y = 0.
 
-Labels name the Hall elements, and small axes show the sensor's frame. The view is from the left and above, so that
-an element behind the section appears beside the beam. The leads of such an element are not drawn below the base,
-because they would seem to belong to an element in the section.
+All parts but the magnet show their section. Labels name the Hall elements or the parts of the jig, and small axes
+show the sensor's or the mould's frame. The view is from the left and above, so that an element behind the section
+appears beside the beam. The leads of such an element are not drawn below the base, because they would seem to belong
+to an element in the section.
 
 The import of VTK and pyvista takes as long as the CAD kernel needs for all solids and checks, and a graphics driver
-may crash its process. So a process of its own draws the picture, `python -m studies.fabrication.assembly_picture`. It
-is started early, imports the libraries meanwhile, and then draws the parts that it receives.
+may crash its process. So a process of its own draws, `python -m studies.fabrication.assembly_picture`. It is started
+early, imports the libraries meanwhile, and then draws the parts that it receives.
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ FACETS = 600
 """Size of the sensor over the facet tolerance; fine enough for a picture of 1200 pixels."""
 
 COMMAND = (sys.executable, "-m", "studies.fabrication.assembly_picture")
-"""Command line of the process that reads parts and writes a PNG file."""
+"""Command line of the process that reads lists of parts and writes PNG files."""
 
 
 Vector = tuple[float, float, float]
@@ -71,26 +72,29 @@ class NoPictureError(RuntimeError):
     """The process that draws has failed, such as in a graphics driver."""
 
 
-Painter = Callable[["Mapping[str, tuple[Solid, str]]", Mapping[str, Vector]], bytes]
-"""Draws solids by name, each with its colour, and labels at points, mm; returns the bytes of a PNG file."""
+Scene = tuple["Mapping[str, tuple[Solid, str]]", Mapping[str, Vector]]
+"""What a picture shows: solids by name, each with its colour, and a point for each that gets a label, mm."""
+
+Painter = Callable[[Sequence[Scene]], list[bytes]]
+"""Draws scenes; returns the bytes of a PNG file for each."""
 
 
 @contextlib.contextmanager
 def painter() -> Iterator[Painter]:
-    """Start a process that draws one picture, and yield a function that sends it the parts.
+    """Start a process that draws pictures, and yield a function that sends it the scenes, once.
 
-    The function takes the solids by name, in the sensor's frame, each with its colour; and a point for each part that
-    gets a label, mm. It returns the bytes of a PNG file, and raises a NoPictureError if the process fails.
+    The function raises a NoPictureError if the process fails.
     """
     pipe = subprocess.PIPE
     with subprocess.Popen(COMMAND, cwd=provenance.ROOT, stdin=pipe, stdout=pipe, stderr=pipe) as process:
 
-        def draw(parts: Mapping[str, tuple[Solid, str]], names: Mapping[str, Vector]) -> bytes:
-            picture, errors = process.communicate(pickle.dumps(faceted(parts, names)))
+        def draw(scenes: Sequence[Scene]) -> list[bytes]:
+            pictures, errors = process.communicate(pickle.dumps([faceted(*scene) for scene in scenes]))
             if process.returncode:
                 last = (errors.decode(errors="replace").strip().splitlines() or ["no message"])[-1]
                 raise NoPictureError(f"drawing ended with exit code {process.returncode} ({last})")
-            return picture
+            drawn: list[bytes] = pickle.loads(pictures)
+            return drawn
 
         try:
             yield draw
@@ -104,12 +108,13 @@ def faceted(parts: Mapping[str, tuple[Solid, str]], names: Mapping[str, Vector])
 
     from geometry.fabrication.solid_files import triangulated
 
-    box, drawn_parts = parts["base"][0].bounding_box(optimal=False), []
+    first, drawn_parts = parts.get("base", next(iter(parts.values()))), []
+    box = first[0].bounding_box(optimal=False)
     size, underside = max(box.size), box.min.Z
     for name, (solid, colour) in parts.items():
         mesh = triangulated(solid, size / FACETS, 0.2)
         vertices = np.asarray(mesh.vertices)
-        if name not in WHOLE and vertices[:, 1].max() <= 0:
+        if name.split()[0] not in WHOLE and vertices[:, 1].max() <= 0:
             continue  # the section cuts it away
         behind, label = name in names and vertices[:, 1].min() > 0, None
         if name in names:
@@ -119,21 +124,24 @@ def faceted(parts: Mapping[str, tuple[Solid, str]], names: Mapping[str, Vector])
                 x, z = 0.8 * float(vertices[:, 0].min()) + 0.2 * x, float(vertices[:, 2].max())
             label = name, (x, y, z)
         floor = float(underside) if behind else None
-        drawn_parts.append(Part(vertices, np.asarray(mesh.faces), colour, name not in WHOLE, floor, label))
+        drawn_parts.append(Part(vertices, np.asarray(mesh.faces), colour, name.split()[0] not in WHOLE, floor, label))
     return drawn_parts
 
 
 def portrait(parts: Sequence[Part], plotter: Any) -> bytes:
-    """Draw the picture and return the bytes of its PNG file; the widest part sets the scale."""
+    """Draw one picture and return the bytes of its PNG file; the widest part sets the scale."""
     import numpy as np
     from PIL import Image
 
     from studies.output import picture_labels
 
+    plotter.clear_actors()
     size = max(float(np.ptp(part.vertices, axis=0).max()) for part in parts if part.opened)
+    corners = []
     for part in parts:
         surface = shown(part).compute_normals(split_vertices=True, feature_angle=30)
         plotter.add_mesh(surface, color=part.colour, smooth_shading=True, specular=0.2, ambient=0.25, render=False)
+        corners.append(surface.points)
         edges = surface.extract_feature_edges(30, manifold_edges=False)
         if edges.n_cells:
             plotter.add_mesh(edges, color="#222222", line_width=2.0, render=False)
@@ -144,7 +152,16 @@ def portrait(parts: Sequence[Part], plotter: Any) -> bytes:
     camera.position = (VIEW[0] * size, VIEW[1] * size, middle + VIEW[2] * size)
     camera.up = (0.0, 0.0, 1.0)
     plotter.reset_camera(render=False)
-    camera.zoom(1.15)
+    # nearer, as far as the whole subject stays in the picture
+    view = np.subtract(camera.position, camera.focal_point)
+    across = np.cross((0.0, 0.0, 1.0), view)
+    axes = np.array(
+        [across / np.linalg.norm(across), np.cross(view, across) / np.linalg.norm(np.cross(view, across))]
+    )
+    reach = np.abs((np.vstack(corners) - camera.focal_point) @ axes.T).max(axis=0)
+    camera.parallel_scale = max(camera.parallel_scale / 1.15, 1.1 * max(reach[1], reach[0] * SIZE[1] / SIZE[0]))
+    # a second picture would show the view before the zoom
+    plotter.render()
     png = BytesIO()
     image = Image.fromarray(plotter.screenshot(return_img=True))
     names = {part.label[0]: _pixel(plotter, part.label[1]) for part in parts if part.label}
@@ -205,10 +222,11 @@ def _plotter() -> Any:
 
 
 def main() -> None:
-    """Read parts from standard input and write their picture to standard output."""
+    """Read lists of parts from standard input and write their pictures to standard output."""
     # the plotter is made before the parts arrive, which saves most of the waiting time
     plotter = _plotter()
-    sys.stdout.buffer.write(portrait(pickle.load(sys.stdin.buffer), plotter))
+    pictures = [portrait(parts, plotter) for parts in pickle.load(sys.stdin.buffer)]
+    sys.stdout.buffer.write(pickle.dumps(pictures))
 
 
 if __name__ == "__main__":

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,7 +14,7 @@ from analytic.parts import element_names
 from geometry.base import Plan, screw_thread
 from geometry.cad import beam_volume
 from geometry.design import Design
-from geometry.fabrication import board_drawing
+from geometry.fabrication import board_drawing, magnet_jig
 from geometry.mold import BOLT, EAR_DEPTH, NUT, Mold, pours, screw_length, sizes
 from studies.output import page_templates
 from studies.output.records import FlatRow
@@ -80,6 +81,9 @@ def recipe_of(design: Design, choices: FabricationChoices) -> FlatRow:
     magnet_limit_C : working limit of the magnet; None without a magnet.
     cures : greatest temperatures of the cures, for each material that the mould can be printed from.
     lid_screws : countersunk screws that clamp A onto B, long enough for a washer and a nut.
+    jig : length of the screws that clamp the jig in A's place, diameter of its bores, of a plunger in the bore and of
+        its end; None without a jig.
+    magnet_depth_mm : depth of the glued magnet's top below B's rim; None without a magnet.
     dowels, screws : pins that align the halves of a split mould, and screws that clamp them, long enough for two
         washers and a nut; None if the mould is not split.
     silicone : None where the design names none.
@@ -90,7 +94,7 @@ def recipe_of(design: Design, choices: FabricationChoices) -> FlatRow:
         None without a magnet.
     """
     magnet, s = MAGNET_LIMIT if design.shape.has_magnet else None, sizes(design, choices.mold)
-    length = 2 * EAR_DEPTH
+    length, (jig, _) = 2 * EAR_DEPTH, magnet_jig.planned(design, choices.mold)
     return {
         "magnet_limit_C": magnet,
         "cures": [
@@ -110,6 +114,15 @@ def recipe_of(design: Design, choices: FabricationChoices) -> FlatRow:
             "length_mm": screw_length(length + NUT),
         },
         "lid_screws": {"count": len(s.lugs), "thread": f"M{BOLT:g}", "length_mm": s.screw(s.lid)},
+        "jig": jig
+        and {
+            "screw_mm": s.screw(jig.top + jig.bar),
+            "bore_mm": 2 * jig.bore,
+            "shank_mm": 2 * jig.shank,
+            "end_mm": 2 * jig.tip,
+            "limit_mm": magnet_jig.LIMIT,
+        },
+        "magnet_depth_mm": None if magnet is None else s.pin_depth - design.magnet_height,
         "silicone": choices.silicone,
         "mixes": (mixes := mixes_of(design, choices)),
         "first_pour_min": MIXING + 2 * DEGASSING + FILLING * len(s.centres),
@@ -121,7 +134,8 @@ def recipe_of(design: Design, choices: FabricationChoices) -> FlatRow:
 def mixes_of(design: Design, choices: FabricationChoices) -> list[FlatRow]:
     """Return what to mix for each pour: that of the beam round the pin, the glue of the magnets, and their cover.
 
-    batches : number of such mixes, each with a cure; neighbouring magnets that repel are glued one after another.
+    batches : number of such mixes, each with a cure; neighbouring magnets that repel are glued one after another
+        where no jig holds them.
     stays_mL, poured_mL, mix_mL : what stays in the parts, what is poured (the first pour fills B to its rim, and the
         pin of A drives the surplus out), and what is mixed, of one batch.
     mix_g, A_g, B_g : masses of the mix and of its parts; None where the ratio is unknown.
@@ -137,7 +151,8 @@ def mixes_of(design: Design, choices: FabricationChoices) -> list[FlatRow]:
         )
     ]
     if design.shape.has_magnet:
-        batches = count if neighbours_push(design, mold) else 1
+        alone = neighbours_push(design, mold) and not magnet_jig.planned(design, mold)[0]
+        batches = count if alone else 1
         drops = count / batches * DROP
         mixes.append((f"glue of the magnet{'s' if count > 1 else ''}", batches, drops, drops))
     if cover > 0:
@@ -226,7 +241,7 @@ def text(
     choices: FabricationChoices,
     fabricated: FlatRow,
     plan: Plan | None,
-    picture: str,
+    pictures: Sequence[str],
     command: str,
     gap: Gap | None = None,
 ) -> str:
@@ -244,7 +259,7 @@ def text(
         gap=gap,
         breakout=choices.base.breakout,
         size=size_sentence(fabricated),
-        picture=picture,
+        pictures=pictures,
         command=command,
         cavities=mold.columns * mold.rows,
         balance=BALANCE,

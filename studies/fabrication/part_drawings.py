@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING
 
 from analytic.parts import of_design
 from geometry.base import Plan
+from geometry.cad import moved
 from geometry.design import Design
+from geometry.fabrication import magnet_jig
 from geometry.fabrication.board_drawing import pads
 from geometry.fabrication.hall_elements import places
 from geometry.fabrication.technical_drawing import Dimension, Piece, View, number, sheet
@@ -16,6 +18,8 @@ from geometry.mold import BOLT, BOLT_HOLE, Mold, Sizes
 
 if TYPE_CHECKING:
     from build123d import Solid
+
+    from geometry.fabrication.magnet_jig import Jig
 
 AXIS = 9.0
 """Length on paper of the arrow along which an element measures, mm."""
@@ -225,6 +229,51 @@ def mold_sheet(design: Design, mold: Mold, s: Sizes, A: Solid, pieces: Sequence[
         )
     notes.append(f"A on B: {screws}; holes for M{number(BOLT)}: Ø{number(BOLT_HOLE)}")
     return sheet("Mould", [[side], [above]], notes)
+
+
+def jig_sheet(design: Design, s: Sizes, jig: Jig, parts: Mapping[str, Solid], B: Solid) -> str:
+    """Return the sheet of the jig: a section through B, jig, plunger, bar and magnet, and the gauge from above."""
+    x, y = s.centres[0]
+    side, above = View(f"Section y = {number(y)}"), View("Gauge from above")
+    # a split B is cut just beside its joint
+    for solid, style, aside in (
+        (B, "rigid", 1e-3 * s.R if s.ears else 0.0),
+        (parts["jig"], "lid", 0.0),
+        (parts["jig_bar"], "rigid", 0.0),
+    ):
+        side.cut(solid, style, y=y + aside)
+    for centre in (centre for centre in s.centres if centre[1] == y):
+        side.cut(moved(parts["jig_plunger"], (*centre, 0.0)), "part", y=y)
+        side.cut(moved(magnet_jig.magnet_in_pocket(design, s), (*centre, 0.0)), "magnet", y=y)
+    far = max(centre[0] for centre in s.centres)
+    side.dims += [
+        ((x - jig.bore, jig.lid), (x + jig.bore, jig.lid), "above", 1, f"bore Ø{number(2 * jig.bore)}"),
+        ((x - jig.collar, jig.top), (x + jig.collar, jig.top), "above", 0, f"Ø{number(2 * jig.collar)}"),
+        ((x - jig.tip, -jig.depth), (x + jig.tip, -jig.depth), "below", 0, f"end Ø{number(2 * jig.tip)}"),
+        ((x, -jig.depth), (-far - s.rim, 0), "left", 0, number(jig.depth)),
+        ((-far - s.rim, 0), (-far - s.rim, jig.lid), "left", 0, number(jig.lid)),
+        ((far + s.rim, jig.lid), (far + s.rim, jig.top), "right", 0, number(jig.top - jig.lid)),
+        ((far + s.rim, jig.top), (far + s.rim, jig.top + jig.bar), "right", 1, number(jig.bar)),
+    ]
+    above.projection(parts["jig_gauge"])
+    left, _, low, top = above.box
+    wide = top - low - 2 * jig.depth
+    short, long = jig.depth - magnet_jig.LIMIT, jig.depth + magnet_jig.LIMIT
+    above.dims += [
+        ((0, -short), (left, 0), "left", 0, number(short)),
+        ((0, wide + long), (left, wide), "left", 0, number(long)),
+    ]
+    _axis(side)
+    count = len(s.centres)
+    plungers, screws = "plungers" if count > 1 else "plunger", s.screw(jig.top + jig.bar)
+    magnet = f"magnet {number(design.magnet_diameter)} x {number(design.magnet_height)}"
+    notes = [
+        f"{count} {plungers}: Ø{number(2 * jig.shank)} in the bore, vent Ø{number(2 * jig.vent)}",
+        f"{magnet}, pole {jig.pole} up; its top {number(jig.depth)} below B's rim",
+        "gauge: flat on the rim by the short tongue, one groove; rocking by the long one, two grooves",
+        f"{len(s.lugs)} countersunk screws M{number(BOLT)} x {number(screws)} through B, jig and bar",
+    ]
+    return sheet("Jig", [[side], [above]], notes)
 
 
 def _outline(plan: Plan, level: int) -> list[Dimension]:

@@ -32,7 +32,7 @@ NUT = 2.0
 SYRINGE = 10.0
 """Volume of a syringe, mL."""
 PRICE = ("price_low", "price_high", "currency", "price_date", "price_source")
-PRINTED = ("base", "mold_a", "mold_b", "mold_b1", "mold_b2")
+PRINTED = ("base", "mold_a", "mold_b", "mold_b1", "mold_b2", "jig", "jig_plunger", "jig_bar", "jig_gauge")
 
 
 def board_of(design: Design, plan: Plan | None) -> Board | None:
@@ -48,7 +48,7 @@ def printed_volumes(design: Design, choices: FabricationChoices) -> dict[str, fl
     from studies.fabrication.sensor_solids import make_solids
 
     solids = make_solids(design, choices)
-    return {name: part.volume for name, part in (solids.sensor | solids.mold).items() if name in PRINTED}
+    return {name: part.volume for name, part in (solids.sensor | solids.mold | solids.jig).items() if name in PRINTED}
 
 
 def rows(
@@ -149,6 +149,9 @@ def _screws(
     lid = recipe["lid_screws"]
     kind = f"countersunk screw {lid['thread']} x {lid['length_mm']:g} mm of nylon, with nut and washer"
     yield _row("mould", kind, lid["count"], note="holds A down")
+    if jig := recipe["jig"]:
+        kind = f"countersunk screw {lid['thread']} x {jig['screw_mm']:g} mm of nylon, with nut and washer"
+        yield _row("mould", kind, lid["count"], note="clamps the jig and its bar")
     if pins := recipe["dowels"]:
         yield _row("mould", f"dowel pin {pins['diameter_mm']:g} x {pins['length_mm']:g} mm", pins["count"])
     if screws := recipe["screws"]:
@@ -158,7 +161,7 @@ def _screws(
 
 def _prints(choices: FabricationChoices, volumes: Mapping[str, float], sensors: int) -> Iterator[FlatRow]:
     for name, volume in volumes.items():
-        count = sensors if name == "base" else 1
+        count = sensors if name in ("base", "jig_plunger") else 1
         if choices.mold.process == "sla":
             yield _row("print", f"{name} of resin", round(count * volume / 1e3, 2), "mL", "without supports")
             continue

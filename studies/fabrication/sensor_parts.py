@@ -11,12 +11,14 @@ from typing import TYPE_CHECKING, Any
 from geometry import base, mold
 from geometry.bad_input import MeshError
 from geometry.design import Design
+from geometry.fabrication import magnet_jig
 from geometry.messages import Progress
 from studies.fabrication import casting_recipe, loaded_clearance, parts_list
 from studies.fabrication.sensor_solids import (
     COLOURS,
     FabricatedSolids,
     FabricationChoices,
+    casting_parts,
     coloured_parts,
     facet_tolerance,
     make_solids,
@@ -31,9 +33,9 @@ if TYPE_CHECKING:
     from build123d import Solid
 
     from geometry.fabrication.printability import Check
-    from studies.fabrication.assembly_picture import Painter
+    from studies.fabrication.assembly_picture import Painter, Scene
 
-PICTURE = "assembly.png"
+PICTURE, JIG_PICTURE = "assembly.png", "jig.png"
 
 BOARD = "board.dxf"
 
@@ -72,6 +74,7 @@ def build(
 
     # impossible choices are refused before the folder is made and the CAD kernel is loaded
     mold.sizes(design, choices.mold)
+    magnet_jig.planned(design, choices.mold)
     if choices.base != base.Base():
         base.plan(design, choices.base, choices.mold.process)
     facet_tolerance(design, choices)
@@ -100,10 +103,10 @@ def build(
             row["parts"] = _write(design, choices, solids, shapes, stage, progress)
         except MeshError as error:
             return row | {"status": "failed", "message": str(error)}
-        if draw and solids.plan:
-            progress(0.8, "picture")
-        row["warnings"] += [*_draw(stage, design, solids, draw), *left_over(folder, stage)]
-        drawn = PICTURE if (stage / PICTURE).exists() else ""
+        if draw:
+            progress(0.8, "pictures")
+        row["warnings"] += [*_draw(stage, design, choices, solids, draw), *left_over(folder, stage)]
+        drawn = [name for name in (PICTURE, JIG_PICTURE) if (stage / name).exists()]
         volumes = {part["name"]: part["volume_mm3"] for part in row["parts"] if part["name"] in parts_list.PRINTED}
         board = parts_list.board_of(design, solids.plan)
         write_table(stage / parts_list.FILE, parts_list.rows(design, choices, solids.plan, volumes, board))
@@ -119,14 +122,22 @@ def fabricated(status: str, message: str, folder: Path, known: FlatRow | None = 
     return {"status": status, "message": message, "folder": folder} | nothing | sizes | {"warnings": []}
 
 
-def _draw(stage: Path, design: Design, solids: FabricatedSolids, draw: Painter | None) -> list[str]:
-    """Draw the assembly where there is a base; a graphics driver may fail: then a sentence says so."""
+def _draw(
+    stage: Path, design: Design, choices: FabricationChoices, solids: FabricatedSolids, draw: Painter | None
+) -> list[str]:
+    """Draw the assembly where there is a base, and the jig; a graphics driver may fail: then a sentence says so."""
     from geometry.fabrication import hall_elements
     from studies.fabrication import assembly_picture
 
+    scenes: dict[str, Scene] = {}
+    if solids.plan:
+        scenes[PICTURE] = coloured_parts(solids), hall_elements.places(design)
+    if solids.jig:
+        scenes[JIG_PICTURE] = casting_parts(design, choices, solids)
     try:
-        if draw and solids.plan:
-            (stage / PICTURE).write_bytes(draw(coloured_parts(solids), hall_elements.places(design)))
+        if draw and scenes:
+            for name, picture in zip(scenes, draw(list(scenes.values())), strict=True):
+                (stage / name).write_bytes(picture)
     except assembly_picture.NoPictureError as error:
         return [f"no picture: {error}"]
     return []
@@ -150,9 +161,11 @@ def names() -> list[str]:
         "assembly.step",
         "mold.step",
         PICTURE,
+        JIG_PICTURE,
         "sensor.svg",
         "base.svg",
         "mold.svg",
+        "jig.svg",
         BOARD,
         parts_list.FILE,
     ]
@@ -167,7 +180,7 @@ def left_over(folder: Path, stage: Path) -> list[str]:
 def run_checks(
     design: Design, choices: FabricationChoices, solids: FabricatedSolids, shapes: Mapping[str, tuple[Solid, Any]]
 ) -> list[Check]:
-    """Return all checks of mould, base and printing."""
+    """Return all checks of mould, base, jig and printing."""
     from geometry import base
     from geometry.fabrication import mold_solids
 
@@ -175,7 +188,10 @@ def run_checks(
     checks = mold_solids.checks(design, choices.mold, solids.A, solids.B, halves)
     if solids.plan:
         checks += base.checks(design, solids.sensor["base"], solids.bodies)
-    for name in ("base", *solids.mold):
+    if solids.jig:
+        lengths = magnet_jig.lengths(design, choices.mold)
+        checks += magnet_jig.checks(design, choices.mold, lengths, solids.jig, solids.B)
+    for name in ("base", *solids.mold, *solids.jig):
         if name in shapes:
             checks += mold_solids.printable(name, shapes[name][1], choices.mold.printing)
     return checks
@@ -201,6 +217,10 @@ def _write(
     progress(0.7, "drawings")
     s, pieces = mold.sizes(design, choices.mold), [part for name, part in solids.mold.items() if name != "mold_a"]
     atomic_files.write_text(stage / "mold.svg", part_drawings.mold_sheet(design, choices.mold, s, solids.A, pieces))
+    if solids.jig:
+        lengths = magnet_jig.lengths(design, choices.mold)
+        text = part_drawings.jig_sheet(design, s, lengths, solids.jig, solids.B)
+        atomic_files.write_text(stage / "jig.svg", text)
     if solids.plan:
         (stage / "assembly.step").write_bytes(
             solid_files.step(solid_files.assembly("sensor", coloured_parts(solids)))
@@ -225,9 +245,12 @@ def warnings(design: Design, choices: FabricationChoices, solids: FabricatedSoli
     ]
     if pushed := casting_recipe.neighbours_push(design, choices.mold):
         too_fine.append(
-            f"the magnets of neighbouring cavities repel with {pushed[1]:.2g} times their weight: glue them in one "
-            "after another, held down until the glue has cured (see the recipe)"
+            f"the magnets of neighbouring cavities repel with {pushed[1]:.2g} times their weight: "
+            + ("hold each down by its plunger" if solids.jig else "glue them in one after another, held down")
+            + " until the glue has cured (see the recipe)"
         )
+    if solids.no_jig:
+        too_fine.append(solids.no_jig)
     if (mix := choices.silicone) and not mix["moduli"][0] <= design.E <= mix["moduli"][1]:
         low, high = mix["moduli"]
         too_fine.append(

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from geometry.arrays import Vector
 from geometry.base import SHAPES, Base, Plan
 from geometry.design import BadInput, Design
 from geometry.fabrication.solid_files import check_tolerance
@@ -28,6 +29,10 @@ COLOURS = {
     "mold_b": "slategray",
     "mold_b1": "slategray",
     "mold_b2": "cadetblue",
+    "jig": "darkseagreen",
+    "jig_plunger": "peru",
+    "jig_bar": "rosybrown",
+    "jig_gauge": "khaki",
 }
 """Colours of the parts in STEP and 3MF files and in the picture; Hall elements have `HALL_ELEMENT_COLOUR`."""
 
@@ -67,6 +72,8 @@ class FabricatedSolids:
     plan : plan of the base; None if the elements do not fit into the base, and then `missing` gives the reason.
     mold : mold_a, and mold_b or its halves mold_b1 and mold_b2, closed, in the mould's frame.
     A, B : upper and lower part of the mould; B is not split.
+    jig : jig (part C), jig_plunger and jig_bar in the mould's frame, the plunger on the axis, and jig_gauge as it is
+        printed; empty without a jig, and then `no_jig` gives the reason if one was wanted.
     """
 
     sensor: dict[str, Solid]
@@ -76,6 +83,8 @@ class FabricatedSolids:
     mold: dict[str, Solid]
     A: Solid
     B: Solid
+    jig: dict[str, Solid]
+    no_jig: str
 
 
 def parse_fabrication_choices(
@@ -114,7 +123,7 @@ def make_solids(design: Design, choices: FabricationChoices) -> FabricatedSolids
         The mould or the base cannot be built for this design.
     """
     from geometry import base, cad
-    from geometry.fabrication import hall_elements, mold_solids
+    from geometry.fabrication import hall_elements, magnet_jig, mold_solids
 
     beam = cad.beam(design)
     sensor = {"beam": beam, "silicone": beam}
@@ -133,13 +142,61 @@ def make_solids(design: Design, choices: FabricationChoices) -> FabricatedSolids
         missing = f"no base and no assembly: {error}"
     A, B = mold_solids.closed_mold(design, choices.mold, beam)
     halves = mold_solids.halves(design, choices.mold, B) if choices.mold.split else {"mold_b": B}
-    return FabricatedSolids(sensor, bodies, plan, missing, {"mold_a": A, **halves}, A, B)
+    lengths, no_jig = magnet_jig.planned(design, choices.mold)
+    jig = magnet_jig.solids(design, choices.mold, lengths) if lengths else {}
+    return FabricatedSolids(sensor, bodies, plan, missing, {"mold_a": A, **halves}, A, B, jig, no_jig)
 
 
 def coloured_parts(solids: FabricatedSolids) -> dict[str, tuple[Solid, str]]:
     """Return the parts of the assembled sensor, each with its colour."""
     parts = {name: part for name, part in solids.sensor.items() if name != "beam"} | solids.bodies
     return {name: (part, COLOURS.get(name, HALL_ELEMENT_COLOUR)) for name, part in parts.items()}
+
+
+def casting_parts(
+    design: Design, choices: FabricationChoices, solids: FabricatedSolids
+) -> tuple[dict[str, tuple[Solid, str]], dict[str, Vector]]:
+    """Return the jig on B with casts, magnets, plungers, bar and screws, each with its colour, and points for labels.
+
+    A row of cavities lies in the plane y = 0 of the mould's frame, moved along y.
+    """
+    from geometry.cad import moved
+    from geometry.fabrication import magnet_jig
+    from geometry.mold import SEAT, sizes
+
+    s, jig = sizes(design, choices.mold), magnet_jig.lengths(design, choices.mold)
+    _, row = min(s.centres, key=lambda centre: abs(centre[1]))
+    parts = {
+        "mould B": (moved(solids.B, (0.0, -row, 0.0)), COLOURS["mold_b"]),
+        "jig": (moved(solids.jig["jig"], (0.0, -row, 0.0)), COLOURS["jig"]),
+        "bar": (moved(solids.jig["jig_bar"], (0.0, -row, 0.0)), COLOURS["jig_bar"]),
+    }
+    single = {
+        "magnet": (magnet_jig.magnet_in_pocket(design, s), COLOURS["magnet"]),
+        "cast": (magnet_jig.cast(s), COLOURS["beam"]),
+        "plunger": (solids.jig["jig_plunger"], COLOURS["jig_plunger"]),
+    }
+    in_row = [x for x, y in s.centres if y == row]
+    for k, x in enumerate(in_row):
+        parts |= {
+            name if k == 0 else f"{name} {k + 1}": (moved(part, (x, 0.0, 0.0)), colour)
+            for name, (part, colour) in single.items()
+        }
+    screw = magnet_jig.screw(s, jig)
+    for k, lug in enumerate(s.lugs):
+        x, y = lug.at(s.reach[1])
+        parts["screw" if k == 0 else f"screw {k + 1}"] = moved(screw, (x, y - row, 0.0)), "whitesmoke"
+    x = in_row[0]
+    ends = {name: parts[name][0].bounding_box(optimal=False).min.X + 0.5 for name in ("mould B", "jig", "bar")}
+    points = {
+        "mould B": (ends["mould B"], 0.0, -SEAT),
+        "jig": (ends["jig"], 0.0, jig.lid / 2),
+        "bar": (ends["bar"], 0.0, jig.top + jig.bar / 2),
+        "plunger": (x + (jig.vent + jig.tip) / 2, 0.0, jig.lid / 2),
+        "cast": (x - (s.R + s.pin_radius) / 2, 0.0, -s.pin_depth),
+        "magnet": (x, -design.magnet_diameter / 2, -jig.depth - design.magnet_height / 2),
+    }
+    return parts, points
 
 
 def triangulated_parts(
@@ -159,7 +216,9 @@ def triangulated_parts(
 
     parts = {name: part for name, part in solids.sensor.items() if name != "base"}
     parts |= {"base": standing(solids.sensor["base"])} if solids.plan else {}
-    parts |= {name: standing(part, upside_down=name == "mold_a") for name, part in solids.mold.items()}
+    turned = ("mold_a", "jig", "jig_plunger")
+    printed = solids.mold | solids.jig
+    parts |= {name: standing(part, upside_down=name in turned) for name, part in printed.items()}
     tolerance = facet_tolerance(design, choices)
     return {name: (part, solid_files.facets(name, part, tolerance)) for name, part in parts.items()}
 
