@@ -322,11 +322,11 @@ def _mouth(seat: Block) -> Solid:
     """Return the hollow that widens a pocket at its lower end, a frustum."""
     import build123d as bd
 
-    (wide, high), (x, y, z), (length, width, _) = MOUTH, seat.corner, seat.sides
-    middle = x + length / 2, y + width / 2
-    below = bd.Rectangle(length + 2 * wide, width + 2 * wide).wire().moved(bd.Location((*middle, z)))
-    above = bd.Rectangle(length, width).wire().moved(bd.Location((*middle, z + high)))
-    return bd.Solid.make_loft([below, above], ruled=True)
+    (out, high), (x, y, z), (length, width, _) = MOUTH, seat.corner, seat.sides
+    # a wedge becomes narrower along its own y, here z
+    plane = bd.Plane((x - out, y + width + out, z), x_dir=(1, 0, 0), z_dir=(0, -1, 0))
+    sides = length + 2 * out, high, width + 2 * out
+    return bd.Solid.make_wedge(*sides, out, out, out + length, out + width, plane)
 
 
 def warnings(design: Design) -> list[str]:

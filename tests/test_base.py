@@ -192,6 +192,16 @@ def test_grooves_mark_x_and_y_and_the_base_passes_its_checks(design, shape, proc
     assert [check.name for check in printable("base", mesh, PROCESSES[process]) if not check.passed] == []
 
 
+@pytest.mark.parametrize("design", [Design(), Design(hall_layout="tmag5273a1")], ids=name_of)
+def test_the_mouth_of_a_pocket_in_the_underside_is_wider(design):
+    p, solid = plan(design, SQUARE), base(design, SQUARE)
+    seat = next(iter(p.seats.bodies.values()))
+    (x, y, z), length = seat.corner, seat.sides[0]
+    for height, share in ((0.0, 0.0), (0.3, 1.0)):
+        probe = bd.Solid.make_box(0.1, 0.5, 0.05, bd.Plane((x + length, y + 0.5, z + height)))
+        assert cad.overlap(solid, probe) == pytest.approx(share * probe.volume, rel=1e-6)
+
+
 # Breakout boards
 
 BREAKOUT_DESIGNS = {

@@ -263,7 +263,7 @@ def jig_sheet(design: Design, s: Sizes, jig: Jig, parts: Mapping[str, Solid], B:
         ((0, -short), (left, 0), "left", 0, number(short)),
         ((0, wide + long), (left, wide), "left", 0, number(long)),
     ]
-    _axis(side)
+    add_axis(side)
     count = len(s.centres)
     plungers, screws = "plungers" if count > 1 else "plunger", s.screw(jig.top + jig.bar)
     magnet = f"magnet {number(design.magnet_diameter)} x {number(design.magnet_height)}"
