@@ -26,6 +26,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -41,14 +42,15 @@ POLARITIES = ("up", "checkerboard", "rows")
 """All magnets alike; every other one reversed, along rows and columns; every other row reversed."""
 STEPS = 20
 """Largest number of joint steps: from poses decoded one by one four to six suffice."""
-CONVERGED = 1e-10
-"""Length of a step, over D, after which the next one would be rounding."""
+CONVERGED = 1e-13
+"""Length of the next step, over D, at which the iteration ends: as Newton's steps go, it is that of the last one
+times the square of its ratio to the one before."""
 RADII, ANGLES = 8, 16
 """Gauss points over the radius of a face, and angles: the force is exact to 2e-6 from a gap of two thirds of the
 radius on, and to 5e-5 from a third on."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class BeamArray:
     """Equal beams on a square grid.
 
@@ -68,17 +70,40 @@ class BeamArray:
     def __len__(self) -> int:
         return len(self.layout)
 
-    @property
+    @cached_property
     def pairs(self) -> Ints:
         """Beams whose elements read, and whose magnets act, each with itself too: (2, m), the first ascending."""
         apart = self.pitch * np.linalg.norm(self.layout[:, None] - self.layout, axis=-1)
         return np.array(np.nonzero(apart <= self.reach))
 
-    def offsets(self, pairs: Ints) -> Array:
-        """Return where the elements of each pair's first beam lie from the second one, (m, 3), mm."""
-        first, second = pairs
+    @cached_property
+    def offsets(self) -> Array:
+        """Where the first beam of each pair lies from the second one, (m, 3), mm."""
+        first, second = self.pairs
         flat = self.pitch * (self.layout[first] - self.layout[second])
         return np.column_stack([flat, np.zeros(len(flat))])
+
+    @cached_property
+    def sites(self) -> tuple[Array, Array, Ints, Array]:
+        """Points, normals, owners and sizes of `readings_of_sensors`, the elements and the magnet of each pair."""
+        design, (points, owners) = self.forward.design, plates_of(self.forward.elements)
+        at = points - [0.0, 0.0, design.H] + self.offsets[:, None]
+        normals = np.array([element.direction for element in self.forward.elements])[owners]
+        return at, np.array(np.broadcast_to(normals, at.shape)), owners, _sizes(design, len(at))
+
+    def obstructed(self) -> str:
+        """Return the name of an element that lies in the beam of a neighbour; "" if none does."""
+        design = self.forward.design
+        for element in self.forward.elements:
+            x, y, z = element.position
+            apart = np.hypot(*(self.offsets[:, :2] + [x, y]).T)[np.not_equal(*self.pairs)]
+            if 0 < z < design.L and (apart < design.R).any():
+                return element.name
+        return ""
+
+
+def _sizes(design: Design, count: int) -> Array:
+    return np.tile([design.magnet_diameter, design.magnet_height], (count, 1))
 
 
 def layout_of(rows: int, columns: int) -> Array:
@@ -150,21 +175,14 @@ def readings_by_pairs(array: BeamArray, shift: Array, *, slopes: bool = True) ->
     BadInput
         A point of an element lies on a magnet's rim.
     """
-    forward, pairs = array.forward, array.pairs
-    design, (points, owners) = forward.design, plates_of(forward.elements)
-    normals = np.array([element.direction for element in forward.elements])[owners]
-    second = pairs[1]
-    at = points - [0.0, 0.0, design.H] + array.offsets(pairs)[:, None]
-    moved, axis, by_place, by_axis = _posed(forward, shift)
-    size = np.broadcast_to([design.magnet_diameter, design.magnet_height], (len(at), 2))
-    values, by_shift, by_turn = readings_of_sensors(
-        at, np.broadcast_to(normals, at.shape), owners, size, moved[second], axis[second], slopes=slopes
-    )
+    pairs, second = array.pairs, array.pairs[1]
+    moved, axis, by_place, by_axis = _posed(array.forward, shift)
+    values, by_shift, by_turn = readings_of_sensors(*array.sites, moved[second], axis[second], slopes=slopes)
     if np.isnan(values).any():
         raise BadInput(
             "a point of an element lies on a magnet's rim, where the field is infinite: move the point off"
         )
-    strength = design.polarisation * array.poles[second][:, None, None]
+    strength = array.forward.design.polarisation * array.poles[second][:, None, None]
     if not slopes:
         return pairs, strength * values, np.empty((0, 0, 0, 3))
     turn = np.cross(by_turn, axis[second][:, :, None])
@@ -225,7 +243,9 @@ def less_neighbours(coder: Decoder, array: BeamArray, readings: Array, shift: Ar
 
 
 def decoded_jointly(coder: Decoder, array: BeamArray, readings: Array, start: Array) -> Array:
-    """Return the shifts (f, n, 3), mm, that have the readings (f, n, k), T; NaN in frames that do not converge.
+    """Return the shifts (f, n, 3), mm, that have the readings (f, n, k), T.
+
+    They are NaN in frames that do not converge, and for beams whose magnet lies outside the decoder's workspace.
 
     Each step solves A'W A p = A'W r for the misfits r of a frame, with the slopes A of all its readings along all
     shifts and the decoder's weights. It is shortened so that no magnet moves more than D/16, as near a fold.
@@ -234,7 +254,7 @@ def decoded_jointly(coder: Decoder, array: BeamArray, readings: Array, start: Ar
     """
     D, weights = array.forward.design.D, coder.goal.weights[:, None]
     shift, active = start.copy(), np.arange(len(start))
-    found = np.full_like(start, np.nan)
+    found, last = np.full_like(start, np.nan), np.full(len(start), 1e-3 * D)
     for _ in range(STEPS):
         values, A = slopes_of_array(array, shift[active])
         f, n, k = values.shape
@@ -244,12 +264,14 @@ def decoded_jointly(coder: Decoder, array: BeamArray, readings: Array, start: Ar
         step = np.linalg.solve(A_t @ A, A_t @ misfit).reshape(f, n, 3)
         length = np.linalg.norm(step, axis=2).max(axis=1)
         shift[active] += step * np.minimum(1.0, D / 16 / np.maximum(length, 1e-300))[:, None, None]
-        done = length < CONVERGED * D
+        done = length * (length / np.minimum(last[active], 1e-3 * D)) ** 2 < CONVERGED * D
+        last[active] = length
         found[active[done]] = shift[active[done]]
         active = active[~done]
         if not len(active):
             break
-    return found
+    inside = ((coder.goal.low <= found) & (found <= coder.goal.high)).all(axis=2, keepdims=True)
+    return np.where(inside, found, np.nan)
 
 
 # Forces
@@ -273,13 +295,15 @@ def magnet_forces(array: BeamArray, shift: Array) -> tuple[Array, Array]:
     moved, axis = magnets_at(forward, shift.T)
     leaning = rotation(forward.tau, shift.T).T
     places = moved[:, None] + rotated(faces, leaning[:, None])
-    first, second = pairs = array.pairs[:, np.not_equal(*array.pairs)]
+    others = np.not_equal(*array.pairs)
+    first, second = array.pairs[:, others]
     # the three components at a point follow each other, for which the field is computed once
-    at = np.repeat(places[first] + array.offsets(pairs)[:, None], 3, axis=1)
+    at = np.repeat(places[first] + array.offsets[others, None], 3, axis=1)
     normals = np.broadcast_to((charge[:, None, None] * np.eye(3)).reshape(-1, 3), at.shape)
     owners = np.tile(np.arange(3), len(faces))
-    size = np.broadcast_to([design.magnet_diameter, design.magnet_height], (len(at), 2))
-    means, by_shift, _ = readings_of_sensors(at, normals, owners, size, moved[second][:, None], axis[second][:, None])
+    means, by_shift, _ = readings_of_sensors(
+        at, normals, owners, _sizes(design, len(at)), moved[second][:, None], axis[second][:, None]
+    )
     strength = J * len(faces) * array.poles[first] * array.poles[second]
     force, slopes = np.zeros((n, 3)), np.zeros((n, 3, n, 3))
     np.add.at(force, first, strength[:, None] * means[:, 0])

@@ -4,6 +4,7 @@ import json
 from dataclasses import replace
 from functools import partial
 
+import magpylib
 import numpy as np
 import pytest
 
@@ -109,6 +110,18 @@ def test_two_magnets_side_by_side_repel_as_the_closed_form_says():
     assert opposite == pytest.approx(-force)
 
 
+def test_magpylib_agrees_on_the_force_of_a_moved_magnet():
+    shift = shifts(1, 2)[0]
+    force, _ = magnet_forces(beam_array(STILL, 1, 2, 9.0, ("up", "down")), shift)
+    size, up = 1e-3 * np.array([DESIGN.magnet_diameter, DESIGN.magnet_height]), [0, 0, -DESIGN.polarisation]
+    first, second = (
+        magpylib.magnet.Cylinder(polarization=pole * np.array(up), dimension=size, position=1e-3 * place)
+        for pole, place in zip((1, -1), shift + np.array([[-4.5, 0, 0], [4.5, 0, 0]]), strict=True)
+    )
+    found, _ = magpylib.getFT(first, second, pivot="centroid", meshing=2000)
+    assert found == pytest.approx(force[1], rel=2e-4)
+
+
 def test_magnets_act_on_each_other_alike():
     """No force in sum, reciprocal slopes as of an energy, and no trace on any magnet (Earnshaw)."""
     force, slopes = magnet_forces(beam_array(STILL, 2, 3, 9.0, "checkerboard"), shifts(1, 6)[0])
@@ -157,6 +170,12 @@ def test_the_poles_of_rows():
         BadInput, match="polarity must be up, checkerboard, rows, or a list of up and down; got 'left'"
     ):
         beam_arrays.poles_of("left", 2, 2)
+
+
+def test_an_element_inside_a_neighbour_is_named():
+    high = model(replace(DESIGN, c=4.0))
+    assert beam_array(high, 1, 2, 8.5, "up").obstructed() == "S2"
+    assert beam_array(high, 1, 2, 9.5, "up").obstructed() == ""
 
 
 # The study and its verb
@@ -224,6 +243,7 @@ REFUSALS = {
     "--polarity left": "polarity must be up, checkerboard, rows, or a list of up and down; got 'left'",
     "--rows 1 --columns 1": "an array has two beams or more; got 1 x 1: raise rows or columns",
     "--rows 17": "rows of an array must lie between 1 and 16; got 17",
+    "--pitch 8.5 --set c=4 --level finite": "S2 lies inside the beam of a neighbour at a pitch of 8.5 mm",
     "--error 0": "--error must lie between 0 and 100 percent; got 0",
     "--set E=0.02 --pitch 8.5 --polarity rows --level finite": "take more than 9.631 mm, another polarity",
 }

@@ -62,7 +62,6 @@ TIMED, REPEATS = 4, 9
 """Rows and columns of the array whose decoding is timed, and the number of times, of which the median counts."""
 LIGHTER = 0.99
 """Shifts of the frame before over those of the frame, for the time of following a stream."""
-SNAPPED = "neighbours snap together"
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,6 +118,10 @@ def run(
     loads, full, words = loads_of(coder, needed)
     asked = grid.array(coder, pitch, grid.polarity)
     critical = beam_arrays.critical_pitch(asked)
+    if inside := asked.obstructed():
+        raise BadInput(
+            f"{inside} lies inside the beam of a neighbour at a pitch of {pitch:g} mm: take a larger pitch"
+        )
     if not beam_arrays.rest(asked).margin > 0:
         raise BadInput(
             f"the magnets of neighbours snap together at a pitch of {pitch:g} mm: with a shift their forces grow by "
@@ -199,8 +202,9 @@ def _shown(record: dict[str, Any], rows: list[FlatRow]) -> list[Table | str]:
 def cost_in_words(record: dict[str, Any]) -> str:
     """Return the time of joint decoding, in a sentence."""
     return (
-        f"Decoding {TIMED} x {TIMED} beams jointly takes {record['decode_ms']:.3g} ms of one thread a frame, and "
-        f"{record['follow_ms']:.3g} ms from the poses of the frame before."
+        f"Decoding {TIMED} x {TIMED} beams jointly takes {record['decode_ms']:.3g} ms of one thread for a frame, and "
+        f"{record['follow_ms']:.3g} ms from the poses of the frame before, or {record['block_ms']:.3g} ms in blocks "
+        f"of {FRAMES} frames."
     )
 
 
@@ -267,10 +271,13 @@ def _row(coder: Decoder, array: BeamArray, polarity: str, drawn: tuple[Array, Ar
     force, shift = drawn
     magnets, stray = beam_arrays.rest(array), readings_of_array(array, 0 * shift[:1], own=False)
     found: FlatRow = {"polarity": polarity, "pitch_mm": array.pitch}
-    if magnets.margin > 0:
-        decoded, status = forces_of_decoders(coder, array, readings_of_array(array, shift)), "ok"
+    decoded, status = dict.fromkeys(DECODERS, np.full_like(force, np.nan)), "ok"
+    if inside := array.obstructed():
+        status = f"{inside} lies inside a neighbour"
+    elif not magnets.margin > 0:
+        status = "neighbours snap together"
     else:
-        decoded, status = dict.fromkeys(DECODERS, np.full_like(force, np.nan)), SNAPPED
+        decoded = forces_of_decoders(coder, array, readings_of_array(array, shift))
     for name in DECODERS:
         found |= _errors(name, decoded[name], force, full)
     return found | {
@@ -440,11 +447,12 @@ def _smallest(rows: list[FlatRow], limit: float) -> list[FlatRow]:
 
 
 def _cost(coder: Decoder, grid: Grid, pitch: float, shift: Array) -> FlatRow:
-    """Return the times of decoding a frame of 4 x 4 beams, from its readings alone and from the frame before, ms."""
+    """Return the times of decoding a frame of 4 x 4 beams, ms: from its readings alone, and from poses nearby."""
     polarity = grid.polarity if grid.polarity in POLARITIES else "up"
     array = beam_array(coder.forward, TIMED, TIMED, pitch, polarity)
-    one = np.resize(shift, (1, len(array), 3))
-    readings = readings_of_array(array, one)
+    block = np.resize(shift, (FRAMES, len(array), 3))
+    one = block[:1]
+    readings, of_block = (readings_of_array(array, each) for each in (one, block))
 
     def median_ms(decode: Callable[[], Any]) -> float:
         times = []
@@ -457,6 +465,7 @@ def _cost(coder: Decoder, grid: Grid, pitch: float, shift: Array) -> FlatRow:
     return {
         "decode_ms": median_ms(lambda: forces_of_decoders(coder, array, readings)),
         "follow_ms": median_ms(lambda: beam_arrays.decoded_jointly(coder, array, readings, LIGHTER * one)),
+        "block_ms": median_ms(lambda: beam_arrays.decoded_jointly(coder, array, of_block, LIGHTER * block)) / FRAMES,
     }
 
 
