@@ -3,6 +3,7 @@
 The source of the site is the repository, so that every page has the links that it has there. `make docs` builds it.
 """
 
+import itertools
 import logging
 import re
 import sys
@@ -25,27 +26,32 @@ html_theme = "furo"
 html_title = f"magtip {version}"
 html_additional_pages = {"index": "index.html"}
 templates_path = ["templates"]
+# it would make a dash of the hyphens of an option
+smartquotes = False
 html_copy_source = html_show_copyright = False
 # a line of 100 characters, as the terminal prints it, is as wide as the text
 html_theme_options = {"navigation_with_keys": True, "light_css_variables": {"code-font-size": "0.74rem"}}
 default_role = "code"
 myst_enable_extensions = ["deflist"]
 myst_heading_anchors = 4
-napoleon_use_param = napoleon_use_rtype = napoleon_use_ivar = False
+napoleon_use_param = napoleon_use_rtype = False
 autodoc_member_order = "bysource"
 autodoc_typehints = "none"
 
 
 def in_sections(app, what, name, obj, options, lines):
-    """Write `a, b : words` as `a, b` above its words, since types are in the signature, and examples as a section."""
+    """Write `a, b : words` as `a, b` above its words, since types are in the signature, and examples as a section.
+
+    Attributes of a frozen dataclass are its parameters.
+    """
     section, made = "", []
-    for k, line in enumerate(lines):
-        if k + 1 < len(lines) and re.fullmatch("-{3,}", lines[k + 1].strip()):
-            section = line.strip()
+    for line, following in itertools.zip_longest(lines, lines[1:], fillvalue=""):
+        if re.fullmatch("-{3,}", following.strip()):
+            line = section = line.replace("Attributes", "Parameters")
         if line.startswith(">>>") and section != "Examples":
             section = "Examples"
             made += [section, "--------"]
-        term = re.fullmatch(r"(\S[\w, *]*?) : (.+)", line) if section in ("Parameters", "Attributes") else None
+        term = re.fullmatch(r"(\S[\w, *]*?) : (.+)", line) if section == "Parameters" else None
         made += [term[1], f"    {term[2]}"] if term else [line]
     lines[:] = made
 
@@ -54,7 +60,7 @@ def folders_as_text(app, doctree):
     """Show links to folders as text: the site has pages, pictures and files."""
     for link in list(doctree.findall(addnodes.pending_xref)):
         place = Path(app.env.doc2path(app.env.docname)).parent / str(link["reftarget"])
-        if link["reftype"] == "myst" and place.is_dir():
+        if link["reftype"] == "myst" and place.is_dir() and not place.with_suffix(".md").exists():
             link.replace_self(link.children)
 
 

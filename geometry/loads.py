@@ -48,6 +48,10 @@ def _of_load(
 class Load:
     """The prescribed motion of a flat rigid plate, or of a grip that holds the tip.
 
+    The metadata of a field are what tables, options and pages take: the unit there (angles in degrees), the range of
+    its numbers (`open_low`: without the lower bound), names beside numbers, a description, and its name there
+    (`column`) if that is another one.
+
     Attributes
     ----------
     depth : travel of the plate along -z after first touch, mm.
@@ -60,10 +64,6 @@ class Load:
         the solution can be followed beyond buckling.
     grip : height of the held part of the tip, mm. There is no plate: every surface point within this height of the
         tip moves sideways by the shear, and u_z is free.
-
-    The metadata of a field are what tables, options and pages take: the unit there (angles in degrees), the range of
-    its numbers (`open_low`: without the lower bound), names beside numbers, a description, and its name there
-    (`column`) if that is another one.
 
     Raises
     ------
