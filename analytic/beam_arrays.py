@@ -245,7 +245,8 @@ def less_neighbours(coder: Decoder, array: BeamArray, readings: Array, shift: Ar
 def decoded_jointly(coder: Decoder, array: BeamArray, readings: Array, start: Array) -> Array:
     """Return the shifts (f, n, 3), mm, that have the readings (f, n, k), T.
 
-    They are NaN in frames that do not converge, and for beams whose magnet lies outside the decoder's workspace.
+    It is the solution to which the start leads; others with the same readings are not searched. It is NaN in frames
+    that do not converge, and for beams whose magnet lies outside the decoder's workspace.
 
     Each step solves A'W A p = A'W r for the misfits r of a frame, with the slopes A of all its readings along all
     shifts and the decoder's weights. It is shortened so that no magnet moves more than D/16, as near a fold.
@@ -355,7 +356,7 @@ def rest(array: BeamArray) -> Rest:
 
 
 def critical_pitch(array: BeamArray) -> float:
-    """Return the pitch, mm, below which neighbours snap together; 0 if none does at a pitch of D."""
+    """Return the pitch, mm, below which neighbours snap together; NaN if none do down to D."""
     from scipy.optimize import brentq
 
     D = array.forward.design.D
@@ -365,7 +366,7 @@ def critical_pitch(array: BeamArray) -> float:
 
     near, far = D * (1 + 1e-6), 2 * D
     if margin(near) > 0:
-        return 0.0
+        return math.nan
     while margin(far) <= 0:
         far *= 2
     return float(brentq(margin, near, far, rtol=1e-6))

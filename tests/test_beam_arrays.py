@@ -85,6 +85,18 @@ def test_joint_decoding_returns_the_poses_of_random_loads(polarity):
     assert beam_arrays.decoded_jointly(CODER, array, readings, first) == pytest.approx(shift, abs=1e-9)
 
 
+def test_joint_decoding_has_the_noise_of_a_single_sensor():
+    chips = decoder(replace(DESIGN, hall_layout="tle493d-w2b6", chip_noise=5e-5))
+    array, shift = beam_array(chips.forward, 2, 2, 20.0, "up"), shifts(32, 4)
+    noise = chips.sigma * np.random.default_rng(1).normal(size=shift.shape)
+    errors = []
+    for each in (array, replace(array, reach=0.0)):
+        found = beam_arrays.decoded_jointly(chips, each, readings_of_array(each, shift) + noise, shift)
+        errors.append(float(np.sqrt(np.nanmean((found - shift) ** 2))))
+    assert errors[0] == pytest.approx(errors[1], rel=0.05)
+    assert errors[0] > 1e-4
+
+
 def test_subtracting_the_neighbours_brings_the_poses_nearer():
     array, shift = beam_array(CODER.forward, 1, 3, 20.0, "up"), shifts(4, 3)
     readings = readings_of_array(array, shift)
@@ -156,6 +168,7 @@ def test_a_force_at_half_the_height_meets_more_than_twice_the_stiffness():
 
 
 def test_soft_neighbours_snap_together_below_the_critical_pitch():
+    assert np.isnan(beam_arrays.critical_pitch(beam_array(STILL, 3, 3, 20.0, "rows")))
     soft = model(replace(DESIGN, E=0.02))
     critical = beam_arrays.critical_pitch(beam_array(soft, 3, 3, 20.0, "rows"))
     assert critical > DESIGN.D

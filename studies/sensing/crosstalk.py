@@ -212,7 +212,7 @@ def forces_in_words(record: dict[str, Any]) -> str:
     """Return what the magnets do to each other, in sentences."""
     critical = record["critical_pitch_mm"]
     snap = (
-        f"below a pitch of {critical:.3g} mm neighbours snap together" if critical else "no neighbours snap together"
+        "no neighbours snap together" if math.isnan(critical) else f"below {critical:.4g} mm neighbours snap together"
     )
     return (
         f"The magnets push or pull a beam at rest by up to {record['magnets_N']:.3g} N, which shifts it by up to "
