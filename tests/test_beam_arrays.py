@@ -98,7 +98,7 @@ def test_joint_decoding_has_the_noise_of_a_single_sensor():
 
 
 def test_subtracting_the_neighbours_brings_the_poses_nearer():
-    array, shift = beam_array(CODER.forward, 1, 3, 20.0, "up"), shifts(4, 3)
+    array, shift = beam_array(CODER.forward, 1, 3, 20.0, ("up", "down", "up")), shifts(4, 3)
     readings = readings_of_array(array, shift)
     stray = readings_of_array(array, 0 * shift, own=False)
     first = beam_arrays.decoded_alone(CODER, array, readings - stray).shift.reshape(shift.shape)
