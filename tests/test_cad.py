@@ -1,5 +1,6 @@
 """Solids of the sensor against closed forms, and the files against the solids."""
 
+import itertools
 import math
 
 import numpy as np
@@ -117,6 +118,29 @@ def check_3mf(path, record):
     body = found.GetCurrentMeshObject()
     assert (body.GetName(), body.GetTriangleCount()) == (record["name"], record["triangles"])
     assert body.IsManifoldAndOriented()
+
+
+def test_parts_of_a_plate_lie_apart(tmp_path):
+    from lib3mf import Lib3MF
+
+    meshes = {"magnet": solid_files.facets("magnet", cad.magnet(Design()))}
+    meshes["beam"] = solid_files.facets("beam", cad.beam(Design()))
+    (tmp_path / "plate.3mf").write_bytes(
+        solid_files.plate({"magnet": (meshes["magnet"], 7), "beam": (meshes["beam"], 1)})
+    )
+    model = Lib3MF.Wrapper().CreateModel()
+    reader = model.QueryReader("3mf")
+    reader.SetStrictModeActive(True)
+    reader.ReadFromFile(str(tmp_path / "plate.3mf"))
+    assert reader.GetWarningCount() == 0
+    items, boxes, names = model.GetBuildItems(), [], []
+    while items.MoveNext():
+        item = items.GetCurrent()
+        names.append(item.GetObjectResource().GetName())
+        boxes.append(meshes[names[-1]].bounds[:, :2] + list(item.GetObjectTransform().Fields[3])[:2])
+    assert sorted(names) == ["beam", *["magnet"] * 7]
+    for one, other in itertools.combinations(boxes, 2):
+        assert max(*(one[0] - other[1]), *(other[0] - one[1])) >= solid_files.PLATE_GAP - 1e-4
 
 
 @pytest.mark.parametrize("tolerance", [0.1, 0.01, 0.001])

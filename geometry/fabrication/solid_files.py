@@ -11,7 +11,7 @@ import errno
 import math
 import tempfile
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from html import escape
 from io import BytesIO
 from pathlib import Path
@@ -29,6 +29,9 @@ TOLERANCE = 0.004
 
 ANGLE = 0.3
 """Largest angle between neighbouring facets in the first triangulation, rad."""
+
+PLATE_GAP = 5.0
+"""Distance between parts that are printed together, mm."""
 
 PACKAGE = {
     "content_types.xml": "[Content_Types].xml",
@@ -130,7 +133,7 @@ def export(
         contents = {
             "step": step(named(solid, name, (colours or {}).get(name, ""))),
             "stl": mesh.export(file_type="stl"),
-            "3mf": _packed(name, mesh),
+            "3mf": _packed({name: mesh}, [(name, 0.0, 0.0)]),
         }
         for suffix, content in contents.items():
             Path(folder, f"{name}.{suffix}").write_bytes(content)
@@ -181,15 +184,48 @@ def assembly(name: str, solids: Mapping[str, tuple[Solid, str]]) -> Any:
     )
 
 
-def _packed(name: str, mesh: Any) -> bytes:
-    """Return the bytes of a 3MF file (core specification 1.3) with one object, mm, in single precision."""
+def plate(meshes: Mapping[str, tuple[Any, int]]) -> bytes:
+    """Return the bytes of a 3MF file of all parts side by side on z = 0.
+
+    meshes : by name, each a trimesh that stands on z = 0, and how many of it are printed.
+    """
+    copies = [name for name, (_, count) in meshes.items() for _ in range(count)]
+    # rows of parts, the deepest first, on a plate that is about square
+    copies.sort(key=lambda name: -meshes[name][0].extents[1])
+    widest = max(float(mesh.extents[0]) for mesh, _ in meshes.values())
+    area = sum(float(math.prod(meshes[name][0].extents[:2] + PLATE_GAP)) for name in copies)
+    width, (x, y, deep) = max(widest, math.sqrt(area)), (0.0, 0.0, 0.0)
+    places: list[tuple[str, float, float]] = []
+    for name in copies:
+        mesh = meshes[name][0]
+        wide, high = (float(side) for side in mesh.extents[:2])
+        if x and x + wide > width:
+            x, y, deep = 0.0, y + deep + PLATE_GAP, 0.0
+        left, low = (float(side) for side in mesh.bounds[0][:2])
+        places.append((name, x - left, y - low))
+        x, deep = x + wide + PLATE_GAP, max(deep, high)
+    return _packed({name: mesh for name, (mesh, _) in meshes.items()}, places)
+
+
+def _packed(meshes: Mapping[str, Any], places: Sequence[tuple[str, float, float]]) -> bytes:
+    """Return the bytes of a 3MF file (core specification 1.3), mm, in single precision.
+
+    meshes : the objects by name.
+    places : what is built: names, each with the x and y by which the object is moved.
+    """
     import numpy as np
 
-    vertices, faces = np.asarray(mesh.vertices, dtype=np.float32), np.asarray(mesh.faces)
-    corners = '<vertex x="%.9g" y="%.9g" z="%.9g"/>\n' * len(vertices) % tuple(vertices.ravel().tolist())
-    sides = '<triangle v1="%d" v2="%d" v3="%d"/>\n' * len(faces) % tuple(faces.ravel().tolist())
-    values = {"name": escape(name), "vertices": corners, "triangles": sides}
-    text, folder = BytesIO(), Path(__file__).with_name("package_3mf")
+    folder, ids = Path(__file__).with_name("package_3mf"), {name: k for k, name in enumerate(meshes, 1)}
+    part, objects = Template((folder / "object.xml").read_text("utf-8")), ""
+    for name, mesh in meshes.items():
+        vertices, faces = np.asarray(mesh.vertices, dtype=np.float32), np.asarray(mesh.faces)
+        corners = '<vertex x="%.9g" y="%.9g" z="%.9g"/>\n' * len(vertices) % tuple(vertices.ravel().tolist())
+        sides = '<triangle v1="%d" v2="%d" v3="%d"/>\n' * len(faces) % tuple(faces.ravel().tolist())
+        objects += part.substitute(id=ids[name], name=escape(name), vertices=corners, triangles=sides)
+    items = [
+        f'<item objectid="{ids[name]}" transform="1 0 0 0 1 0 0 0 1 {x:.6f} {y:.6f} 0"/>' for name, x, y in places
+    ]
+    values, text = {"objects": objects, "items": "".join(items)}, BytesIO()
     with zipfile.ZipFile(text, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as file:
         for source, path in PACKAGE.items():
             content = Template((folder / source).read_text("utf-8")).substitute(values)

@@ -159,9 +159,14 @@ def _screws(
         yield _row("mould", f"washer {screws['thread']}", 2 * screws["count"])
 
 
+def count_of(name: str, sensors: int) -> int:
+    """Return how many of a printed part a casting of this many sensors needs."""
+    return sensors if name in ("base", "jig_plunger") else 1
+
+
 def _prints(choices: FabricationChoices, volumes: Mapping[str, float], sensors: int) -> Iterator[FlatRow]:
     for name, volume in volumes.items():
-        count = sensors if name in ("base", "jig_plunger") else 1
+        count = count_of(name, sensors)
         if choices.mold.process == "sla":
             yield _row("print", f"{name} of resin", round(count * volume / 1e3, 2), "mL", "without supports")
             continue

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 PICTURE, JIG_PICTURE = "assembly.png", "jig.png"
 
-BOARD = "board.dxf"
+BOARD, PLATE = "board.dxf", "plate.3mf"
 
 RECIPE = "README.md"
 """The casting recipe; a README.md that magtip did not write is never replaced."""
@@ -167,6 +167,7 @@ def names() -> list[str]:
         "mold.svg",
         "jig.svg",
         BOARD,
+        PLATE,
         parts_list.FILE,
     ]
 
@@ -212,6 +213,10 @@ def _write(
 
     progress(0.6, "STEP, STL and 3MF")
     exported = solid_files.export(shapes, stage, colours=COLOURS)
+    sensors = len(mold.sizes(design, choices.mold).centres)
+    counts = {name: parts_list.count_of(name, sensors) for name in parts_list.PRINTED if name in shapes}
+    printed = {name: (shapes[name][1], count) for name, count in counts.items()}
+    (stage / PLATE).write_bytes(solid_files.plate(printed))
     closed = {name: (part, COLOURS[name]) for name, part in solids.mold.items()}
     (stage / "mold.step").write_bytes(solid_files.step(solid_files.assembly("mold", closed)))
     progress(0.7, "drawings")
