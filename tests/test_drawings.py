@@ -82,7 +82,9 @@ def test_drawings_of_the_documents_are_those_of_the_design(name, draw):
     """Meshes and linear algebra of other machines move points by less than what can be seen."""
     shown = (Path(__file__).parent.parent / "docs" / f"{name}.svg").read_text("utf-8")
     drawn = draw(paper())
-    assert re.sub(NUMBER, "#", drawn) == re.sub(NUMBER, "#", shown), "make docs draws it again"
+    assert re.sub(NUMBER, "#", drawn) == re.sub(NUMBER, "#", shown), (
+        f"write docs/{name}.svg again, by symbol_drawings"
+    )
     numbers = [[float(number) for number in re.findall(NUMBER, text)] for text in (drawn, shown)]
     assert numbers[0] == pytest.approx(numbers[1], abs=0.02)
 
