@@ -118,7 +118,7 @@ def decoder(
         the sensor is the design, exactly. Only more than three readings leave a residual that is compared with it.
     mount : as in `analytic.inverse.forward_model.model`.
     reject_ambient : take a uniform ambient field for three more unknowns: poses and loads are then those of the
-        readings less what any such field would explain (`ambient_free`). It needs six readings or more.
+        readings less what any such field would explain (`ambient_free`). It needs nine readings or more.
 
     Raises
     ------
@@ -241,15 +241,16 @@ def ambient_free(elements: Sequence[Element]) -> Array:
     Raises
     ------
     BadInput
-        There are fewer than six readings, or their directions lie in a plane.
+        There are fewer than nine readings, or their directions lie in a plane.
     """
     normals = np.array([element.direction for element in elements])
     noise = np.array([element.noise_T for element in elements])
     weights = noise.mean() / noise if noise.all() else np.ones(len(elements))
-    if len(elements) < 6 or np.linalg.matrix_rank(normals) < 3:
+    # two chips leave three numbers for the pose, which a shift across the line through them hardly changes
+    if len(elements) < 9 or np.linalg.matrix_rank(normals) < 3:
         raise BadInput(
             f"an ambient field is three more unknowns, which {len(elements)} readings do not tell from a pose: take "
-            "two chips of three axes or more (chip_count)"
+            "three chips of three axes or more (chip_count)"
         )
     basis = np.linalg.svd(weights[:, None] * normals)[0][:, 3:]
     return np.asarray(basis.T * weights)

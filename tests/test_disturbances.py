@@ -197,13 +197,15 @@ def test_decode_rejects_a_uniform_field(run):
 
 
 REFUSALS = {
-    "--reject-ambient": "which 3 readings do not tell from a pose: take two chips of three axes or more (chip_count)",
+    "--reject-ambient": "which 3 readings do not tell from a pose: take three chips of three axes or more",
     "--iron up=3": "--iron takes below, beside, front and a distance, such as below=10; got 'up=3'",
     "--iron below=1": "--iron below must lie farther than",
     "--ball 4,5,0,4": "overlaps the beam",
     "--ball 3,4": "--ball takes DIAMETER,X,Y,Z in mm; got '3,4'",
     "--neighbour 3,0": "its axis must be farther away than D = 8 mm",
-    "--motor 0.1,5,0,5": "its place D or more off the beam",
+    "--motor 0.1,5,0,5": "its place must lie D = 8 mm or more off the beam",
+    "--motor 0,50,0,0": "the moment must be above 0 and at most 1000 A m2; got 0",
+    "--iron beside=4.5": "--iron beside must lie farther than 5",
     "--warming 0": "--warming must not be 0",
     "--ambient=-3": "--ambient must lie between 0 and 1e+06 uT; got -3 uT",
     "--jaw=-1": "--jaw must lie between 0 and 10000 mm; got -1 mm",

@@ -56,7 +56,7 @@ BREAKOUTS = {
 def breakout(name: str, design: Design) -> tuple[Breakout, Point]:
     """Return a board for the chip of a design, and where that chip lies; BadInput if it is not for this chip."""
     if name not in BREAKOUTS:
-        raise BadInput(f"there is no breakout {name!r}: {nearest(name, BREAKOUTS)}")
+        raise BadInput(f"there is no breakout {name!r}: {nearest(str(name), BREAKOUTS)}")
     board = BREAKOUTS[name]
     if design.hall_layout not in board.layouts or design.chip_count > 1:
         raise BadInput(

@@ -408,7 +408,7 @@ def _bus(
     vias: list[Via] = []
     top = dict.fromkeys(nets, -math.inf)
     pads = board_drawing.pads(design)
-    for k, (name, (x, y)) in enumerate(hall_elements.chip_centres(design).items()):
+    for k, (x, y) in enumerate(hall_elements.chip_centres(design).values()):
         low, high = (
             pads[2 * p.pins * k : 2 * p.pins * k + p.pins],
             pads[2 * p.pins * k + p.pins : 2 * p.pins * (k + 1)],
@@ -421,7 +421,17 @@ def _bus(
         a, b, tall = chip.body
         body = (x - a / 2, y - b / 2, x + a / 2, y + b / 2, tall)
         parts.append(
-            Part(f"U{k + 1}", name, circuit.package, (x, y), circuit.turn, False, own, body, circuit.orders[k])
+            Part(
+                f"U{k + 1}",
+                circuit.orders[k],
+                circuit.package,
+                (x, y),
+                circuit.turn,
+                False,
+                own,
+                body,
+                circuit.orders[k],
+            )
         )
         where = {pad.net: pad.at for pad in own}
         ends = {

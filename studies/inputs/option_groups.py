@@ -103,8 +103,8 @@ States = Annotated[
 Rejecting = Annotated[
     bool,
     Parameter(
-        help="Take a uniform ambient field for three more unknowns, so that it does not count as a force; needs two "
-        "chips of three axes or more."
+        help="Take a uniform ambient field for three more unknowns, so that it does not count as a force; needs "
+        "three chips of three axes or more."
     ),
 ]
 Untilted = Annotated[bool, Parameter(help="Assume that the magnet does not tilt.")]

@@ -26,6 +26,7 @@ from analytic.beam_arrays import POLARITIES, BeamArray, beam_array, readings_of_
 from analytic.decode import Decoder, decoder
 from analytic.inverse import response_surface
 from analytic.inverse.forward_model import model
+from geometry import base
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.messages import Progress
@@ -174,7 +175,7 @@ def run(
         files={
             "array.png": lambda path: picture(path, rows, lambda table: figures(table, laws, design, options.error))
         },
-        warnings=[source.warning] * bool(source.warning),
+        warnings=[*[source.warning] * bool(source.warning), *_base_warning(design, pitch)],
     )
 
 
@@ -197,6 +198,18 @@ def _shown(record: dict[str, Any], rows: list[FlatRow]) -> list[Table | str]:
         forces_in_words(record),
         cost_in_words(record),
     ]
+
+
+def _base_warning(design: Design, pitch: float) -> list[str]:
+    """Return a sentence where the bases of single sensors overlap at a pitch, mm."""
+    try:
+        width = 2 * base.plan(design, base.Base()).half
+    except BadInput as error:
+        return [f"whether single bases have room at a pitch of {pitch:g} mm is not known: {error}"]
+    if pitch >= width:
+        return []
+    said = f"single bases are {width:.3g} mm wide: at a pitch of {pitch:g} mm the beams need one base in common"
+    return [f"{said}, which magtip cad does not make"]
 
 
 def cost_in_words(record: dict[str, Any]) -> str:

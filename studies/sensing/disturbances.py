@@ -26,6 +26,7 @@ from analytic.decode import Decoder, decode, decoder
 from analytic.hall import means_over_plates, plates_of
 from analytic.inverse import response_surface
 from analytic.inverse.forward_model import Forward, model, readings_at, rotation
+from analytic.parts import of_design
 from analytic.surroundings import IronPiece, IronPlane, Neighbour, Poses, Surroundings
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
@@ -44,6 +45,10 @@ if TYPE_CHECKING:
 FILES = ("DISTURB.md", "disturbances.csv", "warming.csv")
 USUAL_DEPTH, USUAL_SHEAR = 3 / 8, 1 / 8
 """Depth and shear over D whose forces are the range of a design that states none."""
+WITHIN = 0.95
+"""Largest depth of the usual loads over the deepest one that the mechanics know."""
+ENOUGH = 0.5
+"""Least share of readings with a force for which a worst error is said."""
 TURNS = (2 * np.pi * np.arange(4) / 4).tolist()
 """Directions of a force along the plate."""
 DIRECTIONS = np.array([v for v in itertools.product((-1.0, 0.0, 1.0), repeat=3) if any(v)])
@@ -107,10 +112,11 @@ def run(
     progress(len(chosen) / (len(chosen) + 1), "warming")
     warmed = warming(coder, loads, options.warming, full)
     far = {field: surroundings.reach(design, field * 1e-3) for field in (0.5, 0.1)}
+    price = _price(coder, design, loads) if options.reject_ambient else 1.0
     record = {
         "mechanics": source.name,
         "rejects_ambient": options.reject_ambient,
-        "noise_factor": _price(coder, design, loads) if options.reject_ambient else 1.0,
+        "noise_factor": price,
         "full_scale_N": full,
         "full_scale": words,
         "loads": len(loads.force),
@@ -126,7 +132,7 @@ def run(
     page = page_templates.rendered(
         Path(__file__).with_name("DISTURB.md.j2"), record=record, outside=outside, reason=source.reason
     )
-    brief = ("error_median_N", "tared_median_N", "no_force_percent", "tared_no_force_percent", "noticed_percent")
+    brief = ("error_median_N", "tared_median_N", "noticed_percent", "tared_noticed_percent")
     return Result(
         title="Disturbances",
         records=[record],
@@ -134,8 +140,7 @@ def run(
             Table(title="Disturbances", rows=rows, brief=brief),
             Table(title=f"Warmer by {options.warming:g} K", rows=warmed, brief=brief),
             f"Percentages are of {full:.3g} N, {words}. {outside}",
-            *[f"--reject-ambient costs {record['noise_factor']:.3g} times the noise of the force."]
-            * options.reject_ambient,
+            *[_price_words(price)] * options.reject_ambient,
         ],
         tables={"disturbances": rows, "warming": warmed},
         pages={"DISTURB.md": page},
@@ -153,9 +158,9 @@ def loads_of(coder: Decoder, needed: Requirements | None) -> tuple[Loads, float,
     if needed is not None:
         pairs, full, words = needed.loads().tolist(), needed.force_z, "the required press"
     else:
-        full, along = _usual_forces(coder)
+        depth, full, along = _usual_forces(coder)
         pairs = [*([share * full, 0.0] for share in (0.25, 0.5, 1.0)), [full / 2, along], [full, along]]
-        words = f"a press of {USUAL_DEPTH * design.D:.3g} mm or the deepest known one, for none is required"
+        words = f"a press of {depth:.3g} mm, for the design states no required one"
     asked = [(0.0, 0.0, 0.0), *((n, t, turn) for n, t in pairs for turn in (TURNS if t else TURNS[:1]))]
     normal, tangential, turn = np.array(asked).T
     shift = shifts_under(coder, normal, tangential, turn)
@@ -185,6 +190,12 @@ def _poses(coder: Decoder, shift: Array) -> Poses:
     return Poses(shift.T, rotation(coder.forward.tau, shift).T, np.maximum(depth, 0.0))
 
 
+def _price_words(factor: float) -> str:
+    if math.isnan(factor):
+        return "What --reject-ambient costs in noise is unknown: set the noise of the elements, such as chip_noise."
+    return f"--reject-ambient costs {factor:.3g} times the noise of the force."
+
+
 def _price(coder: Decoder, design: Design, loads: Loads) -> float:
     """Return by which factor a rejected field makes the noise of the force larger: the median over loads and axes."""
     plain, readings = decoder(design, coder.mechanics), loads.readings(loads.poses.shift.T)
@@ -192,17 +203,20 @@ def _price(coder: Decoder, design: Design, loads: Loads) -> float:
     return float(np.nanmedian(ratio)) if np.isfinite(ratio).any() else math.nan
 
 
-def _usual_forces(coder: Decoder) -> tuple[float, float]:
-    """Return the force of the usual press, and along the plate of the usual shear at it, N, as the mechanics go."""
+def _usual_forces(coder: Decoder) -> tuple[float, float, float]:
+    """Return depth, mm, and force, N, of the usual press or of nearly the deepest known one, and the force along the
+    plate of the usual shear at it, N."""
     law, D = coder.mechanics, coder.forward.design.D
     assert law is not None
     axes = np.linspace(0, coder.high[0], 81), np.linspace(coder.low[2], 0, 81)
     u, w = (values.ravel() for values in np.meshgrid(*axes))
     force, plate, _ = response_surface.force_and_load(law, np.stack([u, 0 * u, w]), contact=False)
     upright = np.flatnonzero(u == 0)
-    press = upright[np.abs(plate[0, upright] - USUAL_DEPTH * D).argmin()]
-    sheared = np.hypot(plate[0] - plate[0, press], plate[1] - USUAL_SHEAR * D).argmin()
-    return float(force[2, press]), float(abs(force[0, sheared]))
+    # at the end of what is known the least disturbance would leave no force
+    deepest = min(USUAL_DEPTH * D, WITHIN * float(np.nanmax(plate[0, upright])))
+    press = upright[np.nanargmin(np.abs(plate[0, upright] - deepest))]
+    sheared = np.nanargmin(np.hypot(plate[0] - plate[0, press], plate[1] - USUAL_SHEAR * D))
+    return float(plate[0, press]), float(force[2, press]), float(abs(force[0, sheared]))
 
 
 # Errors
@@ -242,7 +256,9 @@ def _errors(coder: Decoder, name: str, readings: Array, loads: Loads, full: floa
     found = decode(coder, rows)
     error = np.linalg.norm(found.force - np.tile(loads.force, (len(rows) // len(loads.force), 1)), axis=1)
     known = error[np.isfinite(error)]
-    worst, median = (float(known.max()), float(np.median(known))) if len(known) else (math.nan, math.nan)
+    # of a disturbance that leaves hardly any force, the few that are left tell nothing
+    said = len(known) >= ENOUGH * len(error) and len(known) > 0
+    worst, median = (float(known.max()), float(np.median(known))) if said else (math.nan, math.nan)
     prefix = "" if name == "error" else f"{name}_"
     return {
         f"{name}_N": worst,
@@ -319,13 +335,14 @@ def disturbances(design: Design, options: Disturbing) -> list[Disturbance]:
 
 def _iron(design: Design, text: str, mu: float) -> Disturbance:
     side, _, number = text.partition("=")
-    least = {"below": max(design.l0 - design.H, 0.0), "beside": design.R, "front": 0.0}
+    across = max(design.R, float(plates_of(of_design(design))[0][:, 0].max()))
+    least = {"below": max(design.l0 - design.H, 0.0), "beside": across, "front": 0.0}
     if side not in SIDES:
         raise BadInput(f"--iron takes {', '.join(SIDES)} and a distance, such as below=10; got {text!r}")
     (distance,) = _numbers(f"--iron {side}", number, "a distance in mm", 1)
     touched = side == "front" and distance == 0
     if not (touched or least[side] < distance <= 1e4):
-        where = {"below": "the base plane, beyond the elements", "beside": "the axis, beyond the beam"}
+        where = {"below": "the base plane, beyond the elements", "beside": "the axis, beyond beam and elements"}
         raise BadInput(
             f"--iron {side} must lie farther than {least[side]:.3g} mm from {where.get(side, 'the tip')}, and within "
             f"10 m; got {distance:g} mm"
@@ -342,7 +359,7 @@ def _ball(design: Design, text: str, mu: float) -> Disturbance:
     diameter, x, y, z = _numbers("--ball", text, "DIAMETER,X,Y,Z in mm", 4)
     quantity("--ball: the diameter", diameter, "mm", 1e-3, 1e3)
     if not _outside(design, x, y, z, diameter / 2):
-        raise BadInput(f"--ball {text} overlaps the beam: move it out, to x = {design.R + diameter:.3g} mm or more")
+        raise BadInput(f"--ball {text} overlaps the beam: move it out, such as to x = {design.R + diameter:.3g} mm")
     piece = IronPiece(design, np.array([x, y, z]), diameter, diameter, np.array([0.0, 0.0, 1.0]), mu)
     return Disturbance("iron ball", f"{diameter:g} mm, at {x:g}, {y:g}, {z:g} mm", lambda _: [piece])
 
@@ -381,10 +398,10 @@ def _others(design: Design, place: Sequence[float], poses: Poses, *, facing: boo
 
 def _motor(design: Design, text: str) -> Disturbance:
     moment, x, y, z = _numbers("--motor", text, "MOMENT,X,Y,Z in A m2 and mm", 4)
-    if not (0 < moment <= 1e3 and _outside(design, x, y, z, design.D)):
-        raise BadInput(
-            f"--motor {text}: the moment must lie between 0 and 1000 A m2, and its place D or more off the beam"
-        )
+    if not 0 < moment <= 1e3:
+        raise BadInput(f"--motor: the moment must be above 0 and at most 1000 A m2; got {moment:g}")
+    if not _outside(design, x, y, z, design.D):
+        raise BadInput(f"--motor {text} is too near: its place must lie D = {design.D:g} mm or more off the beam")
     kinds = [surroundings.motor(np.array([x, y, z]), moment * v) for v in DIRECTIONS]
     return Disturbance("motor", f"{moment:g} A m2, any direction, at {x:g}, {y:g}, {z:g} mm", lambda _: kinds, "any")
 
