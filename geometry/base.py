@@ -89,7 +89,9 @@ class Base:
             raise BadInput(f"there is no shape {self.shape!r} of the base: {nearest(str(self.shape), SHAPES)}")
         check_ranges(self)
         if self.breakout and (self.is_round or self.screw is not None):
-            raise BadInput(f"breakout {self.breakout} sets the screws of a square base: leave round and screw out")
+            raise BadInput(
+                f"breakout {self.breakout} sets the screws of a square base: give --base square, and leave screw out"
+            )
 
     @property
     def hole(self) -> float:

@@ -342,7 +342,11 @@ def test_a_problem_of_samples_is_refused(names, ranges, reason):
         ({"L_over_D": [1], "L_mm": [9], "depth_mm": [1]}, {}, "L is given twice, as columns L_over_D and L_mm"),
         ({"depth_mm": [1]}, {"models": "paper"}, r"models must be a list of names, such as \['paper'\]; got 'paper'"),
         ({"depth_mm": [1]}, {"models": ["fim"]}, "there is no model 'fim'"),
-        ({"depth_mm": [1]}, {"models": ["fem", "fem:standard"]}, "given twice"),
+        (
+            {"depth_mm": [1]},
+            {"models": ["fem", "fem:standard"]},
+            "models fem and fem:standard have one name in tables, standard: give one",
+        ),
         ({"depth_mm": [1]}, {"models": ["fem:quick", FemModel("quick", QUICK)]}, "two models have the name quick"),
         ({"depth_mm": [1]}, {"models": ["paper", FemModel("paper", QUICK)]}, "two models have the name paper"),
         ({"depth_mm": [1]}, {"quantities": ["modes"]}, "needs finite elements"),

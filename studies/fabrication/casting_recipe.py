@@ -199,6 +199,7 @@ def expected_readings(design: Design) -> FlatRow:
     """Return what the elements read at rest, and with the magnet 0.5 mm lower, and 0.5 mm towards x and y.
 
     unit : V, or mT of a chip. rows : name of an element and these four readings.
+    saturated : names of the elements that are at an end of their range in one of them.
     per_gap, per_shift : change of the first element's field by 0.1 mm of height, and of the difference of the next
         two by 0.1 mm of the magnet towards x, percent of the first one at rest.
     """
@@ -218,7 +219,9 @@ def expected_readings(design: Design) -> FlatRow:
     first = abs(fields[0][0])
     aside = abs((fields[5][1] - fields[5][2]) - (fields[0][1] - fields[0][2]))
     gap = 100 * abs(fields[4][0] - fields[0][0]) / first
-    return {"unit": "V" if units == "V" else "mT", "rows": rows, "per_gap": gap, "per_shift": 100 * aside / first}
+    full = [name for k, name in enumerate(names) if any(each.saturated[k] for each in found[:4])]
+    unit = "V" if units == "V" else "mT"
+    return {"unit": unit, "rows": rows, "saturated": full, "per_gap": gap, "per_shift": 100 * aside / first}
 
 
 def size_sentence(size: FlatRow) -> str:

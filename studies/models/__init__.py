@@ -45,6 +45,11 @@ def models_of(given: Sequence[str | Model]) -> tuple[Model, ...]:
     for each, model in zip(given, models, strict=True):
         if names.count(model.name) > 1:
             if all(isinstance(one, str) for one, name in zip(given, names, strict=True) if name == model.name):
+                alike = [str(one) for one, name in zip(given, names, strict=True) if name == model.name]
+                if len({*alike}) > 1:
+                    raise BadInput(
+                        f"models {' and '.join(alike)} have one name in tables, {model.name}: give one of them"
+                    )
                 raise BadInput(f"model {each} is given twice: give each model once")
             raise BadInput(f"two models have the name {model.name}: give one FemModel another name")
         model.check_beside([other for other in models if other is not model])
