@@ -90,7 +90,7 @@ class Base:
         check_ranges(self)
         if self.breakout and (self.is_round or self.screw is not None):
             raise BadInput(
-                f"breakout {self.breakout} sets the screws of a square base: give --base square, and leave screw out"
+                f"breakout {self.breakout} sets the screws of a square base: set shape=square, and leave screw out"
             )
 
     @property

@@ -244,7 +244,7 @@ def test_pin_1_of_the_chip_on_a_turned_board_has_the_least_x_and_y():
     [
         (Design(), {"breakout": "adafruit-4366"}, "holds one tlv493d-a1b6; the design has 1 x three"),
         (Design(), {"breakout": "adafruit"}, "there is no breakout 'adafruit'"),
-        (Design(), {"breakout": "adafruit-4366", "shape": "round"}, "give --base square, and leave screw out"),
+        (Design(), {"breakout": "adafruit-4366", "shape": "round"}, "set shape=square, and leave screw out"),
         (
             BREAKOUT_DESIGNS["adafruit-4022"],
             {"breakout": "adafruit-4022", "outer": 20},
