@@ -164,6 +164,17 @@ def test_a_hotter_sensor_is_stiffer_by_the_absolute_temperature(run):
     assert modulus["error_N"] == pytest.approx(found["full_scale_N"] * (1 - 293.15 / 313.15), rel=0.02)
 
 
+def test_what_the_mechanics_do_not_reach_is_said_and_has_no_error(run, toml):
+    """A colder silicone is softer, and its largest press lies beyond what is known; so do required loads of 40 N."""
+    cold = record(run, "--warming=-50")
+    modulus = next(each for each in cold["warming"] if each["cause"].startswith("modulus"))
+    assert modulus["no_force_percent"] > 0
+    status, out, err = run("disturb", toml("[requirements]\nforce_z = 40\n"), "--json")
+    assert status == 0, err
+    assert "loads of the range lie beyond the mechanics" in err
+    assert json.loads(out)["loads"] == 2
+
+
 def test_a_farther_neighbour_disturbs_less(run):
     found = record(run, "--neighbour", "10,0", "--neighbour", "20,0")["disturbances"]
     near, far = (each["tared_N"] for each in found if each["disturbance"] == "second sensor beside")

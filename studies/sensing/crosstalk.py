@@ -175,7 +175,7 @@ def run(
         files={
             "array.png": lambda path: picture(path, rows, lambda table: figures(table, laws, design, options.error))
         },
-        warnings=[*[source.warning] * bool(source.warning), *_base_warning(design, pitch)],
+        warnings=[*[source.warning] * bool(source.warning), *loads.warnings, *_base_warning(design, pitch)],
     )
 
 

@@ -79,15 +79,27 @@ class Disturbance:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Loads:
-    """The loads at which errors are taken, rest first: forces (n, 3), N, poses under them, and what reads these."""
+    """The loads at which errors are taken, rest first: forces (n, 3), N, poses under them, and what reads these.
+
+    left_out : number of loads of the range that the mechanics do not reach.
+    """
 
     force: Array
     poses: Poses
     sensor: Forward
+    left_out: int
 
     def readings(self, shift: Array) -> Array:
-        """Return the readings (n, k), T, of the elements at shifts (3, n), mm."""
-        return readings_at(self.sensor, shift).T
+        """Return the readings (n, k), T, of the elements at shifts (3, n), mm; NaN where a shift is."""
+        found, known = np.full((shift.shape[1], self.sensor.count), np.nan), np.isfinite(shift).all(axis=0)
+        found[known] = readings_at(self.sensor, shift[:, known]).T
+        return found
+
+    @property
+    def warnings(self) -> list[str]:
+        """A sentence where loads are left out."""
+        said = f"{self.left_out} loads of the range lie beyond the mechanics: their errors are not known"
+        return [said] * bool(self.left_out)
 
 
 def run(
@@ -144,7 +156,7 @@ def run(
         ],
         tables={"disturbances": rows, "warming": warmed},
         pages={"DISTURB.md": page},
-        warnings=[source.warning] * bool(source.warning),
+        warnings=[*[source.warning] * bool(source.warning), *loads.warnings],
     )
 
 
@@ -170,7 +182,8 @@ def loads_of(coder: Decoder, needed: Requirements | None) -> tuple[Loads, float,
             f"the mechanics reach no load of the range up to {full:.3g} N: take others by --level, or require less"
         )
     force = np.column_stack([tangential * np.cos(turn), tangential * np.sin(turn), normal])
-    return Loads(force[known], _poses(coder, shift[:, known]), model(design, coder.forward.tau)), full, words
+    sensor = model(design, coder.forward.tau)
+    return Loads(force[known], _poses(coder, shift[:, known]), sensor, int((~known).sum())), full, words
 
 
 def shifts_under(coder: Decoder, normal: Array, tangential: Array, turn: Array) -> Array:
@@ -282,13 +295,13 @@ def warming(coder: Decoder, loads: Loads, kelvin: float, full: float) -> list[Fl
     magnet, stiff = warm.remanence_now / design.remanence_now, warm.E_now / design.E_now
     three = design.hall_layout == "three"
     # the drift of a chip may be unknown, and so are its errors then
-    drift = design.hall_gain_drift if three else 100 * abs(design.chip.gain_drift or math.nan)
+    of_chip = None if three else design.chip.gain_drift
+    drift = design.hall_gain_drift if three else math.nan if of_chip is None else 100 * abs(of_chip)
     gain, rise = 1 + drift / 100 * kelvin, SILICONE_EXPANSION * kelvin * design.H
     free = loads.poses.shift.T
     turn = np.arctan2(loads.force[:, 1], loads.force[:, 0])
+    # a press at the end of what is known may lie beyond it now: it has no error then
     softer = shifts_under(coder, loads.force[:, 2] / stiff, np.hypot(*loads.force[:, :2].T) / stiff, turn)
-    # a press at the end of what is known may lie beyond it now
-    softer = np.where(np.isfinite(softer), softer, free)
     lift = np.array([[0.0], [0.0], [rise]])
     known = "no data sheet states its drift" if math.isnan(drift) else f"{drift:g} %/K"
     told = f"gain of the elements ({known}{'' if three or math.isnan(drift) else ', a bound to either side'})"
