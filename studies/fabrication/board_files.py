@@ -41,6 +41,7 @@ from studies.fabrication.board_layers import (
     Part,
     copper,
 )
+from studies.fabrication.circuit_board import PULL_UP
 from studies.fabrication.sensor_solids import FabricationChoices
 from studies.output import atomic_files, page_templates
 from studies.output.records import FlatRow
@@ -533,7 +534,14 @@ def study(
     }
     chips = [part for part in made.parts if part.reference[0] in "US"]
     page = page_templates.rendered(
-        Path(__file__).with_name("BOARD.md.j2"), made=made, row=row, chips=chips, plan=plan, d=design, title=title
+        Path(__file__).with_name("BOARD.md.j2"),
+        made=made,
+        row=row,
+        chips=chips,
+        title=title,
+        picture=PICTURE,
+        least={"track": TRACK, "gap": CLEARANCE, "hole": DRILL},
+        pull_up=PULL_UP,
     )
     return Result(
         title="Board",
