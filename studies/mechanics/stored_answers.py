@@ -93,7 +93,8 @@ def held(
         scene = target_scene(design, target, accuracy, magnet=magnet, model=model)
         force = [target.force, None if target.shear_force is None else list(target.shear_force)]
         places.append(path_solver.place(scene, "force", options={"targets": [force]}))
-    found = [store.states(place.content).get(place.at) for place in places]
+    kept = [store.states(place.content, [place.at]).get(place.at) for place in places]
+    found = [None if state is None or state.outcome == "transient" else state for state in kept]
     lacking = [place for place, state in zip(places, found, strict=True) if state is None]
     search: Iterator[path_solver.Reached] = iter(())
     if lacking:

@@ -139,7 +139,9 @@ class Tolerance(Model):
         """Return which models were chosen in how many cases."""
         from studies.mechanics.model_choice import percent
 
-        chosen = ", ".join(f"{name} in {number}" for name, number in rows.items() if name) or "no model in any"
+        chosen = ", ".join(f"{name} in {number}" for name, number in rows.items() if name)
+        if not chosen:
+            return [f"tolerance {percent(self.tolerance)}: no model is known to meet it in any of {count} cases"]
         why = "each the cheapest model whose measured errors for that kind of load meet it"
         return [f"tolerance {percent(self.tolerance)}: {chosen} of {count} cases, {why}"]
 
