@@ -257,7 +257,7 @@ REFUSALS = {
     "--rows 1 --columns 1": "an array has two beams or more; got 1 x 1: raise rows or columns",
     "--rows 17": "rows of an array must lie between 1 and 16; got 17",
     "--pitch 8.5 --set c=4 --level finite": "S2 lies inside the beam of a neighbour at a pitch of 8.5 mm",
-    "--error 0": "--error must lie between 0 and 100 percent; got 0",
+    "--error 0": "--error must be above 0 and below 100 percent; got 0",
     "--set E=0.02 --pitch 8.5 --polarity rows --level finite": "take more than 9.631 mm, another polarity",
 }
 

@@ -94,7 +94,7 @@ def grid_of(source: str, options: Arraying) -> Grid:
         listed = polarity.split(",") if isinstance(polarity, str) else polarity
         values["polarity"] = tuple(word.strip() for word in listed)
     if not 0 < options.error < 100:
-        raise BadInput(f"--error must lie between 0 and 100 percent; got {options.error:g}")
+        raise BadInput(f"--error must be above 0 and below 100 percent; got {options.error:g}")
     return Grid(**values)
 
 
