@@ -110,18 +110,30 @@ def heights(design: Design) -> tuple[float, float]:
     return top, min(z1 + p.depth - p.thickness, z23 - p.height / 2 - LEAD)
 
 
+def boxes(design: Design) -> dict[str, Block]:
+    """Return the least boxes round the parts, leads of length `LEAD` included, in the sensor's frame."""
+    if design.hall_layout != "three":
+        chip = design.chip
+        (length, width, _), low = chip.body, design.H - design.l0 - chip.plate
+        centres = chip_centres(design)
+        return {name: Block((x - length / 2, y - width / 2, low), chip.body) for name, (x, y) in centres.items()}
+    p, where = SS495A, places(design)
+    (_, _, z1), (_, _, z23) = where["S1"], where["S2"]
+    lying = Block(
+        (-p.height / 2 - LEAD, -p.width / 2, z1 + p.depth - p.thickness), (p.height + LEAD, p.width, p.thickness)
+    )
+    low = z23 - p.height / 2 - LEAD
+    upright = Block((design.f - p.depth, -p.width / 2, low), (p.thickness, p.width, p.height + LEAD))
+    return {"S1": lying, "S2": upright, "S3": swapped(upright)}
+
+
 def bodies(design: Design) -> dict[str, Solid]:
     """Return the solids of the parts in the sensor's frame, with leads of length `LEAD`.
 
     The marked face of S1 points up; those of S2 and S3 point towards the beam.
     """
     if design.hall_layout != "three":
-        chip = design.chip
-        (length, width, _), low = chip.body, design.H - design.l0 - chip.plate
-        return {
-            name: Block((x - length / 2, y - width / 2, low), chip.body).solid()
-            for name, (x, y) in chip_centres(design).items()
-        }
+        return {name: box.solid() for name, box in boxes(design).items()}
     import build123d as bd
 
     part = _leaded()

@@ -24,14 +24,23 @@ if TYPE_CHECKING:
 
 
 @verb("source sets as_json")
-def design(call: Call) -> int:
-    """Show every value of a design with its source, derived values, assumptions and warnings."""
+def design(call: Call, *, loaded: bool = False) -> int:
+    """Show every value of a design with its source, derived values, assumptions and warnings.
+
+    Parameters
+    ----------
+    loaded
+        Solve for the gap between the loaded beam and what stands beside it, if it is not stored; takes seconds.
+    """
     from studies.fabrication.sensor_solids import parse_fabrication_choices
+    from studies.parts import requirements
     from studies.simulation import design_summary
 
     of_design = user_input.read_design(call.source, call.sets)
     choices = parse_fabrication_choices(Fabrication(), given=user_input.fabrication_of(call.source))
-    study = design_summary.study(of_design, choices.base, choices.mold.process)
+    needed = requirements.stated_requirements(call.source)
+    rated = needed.rated if needed else None
+    study = design_summary.study(of_design, choices.base, choices.mold.process, rated, loaded=loaded)
     return show(study, call.screen)
 
 

@@ -18,9 +18,9 @@ from geometry.fabrication import board_drawing, magnet_jig
 from geometry.mold import BOLT, EAR_DEPTH, NUT, Mold, pours, screw_length, sizes
 from studies.output import page_templates
 from studies.output.records import FlatRow
+from studies.simulation import loaded_clearance
 
 if TYPE_CHECKING:
-    from studies.fabrication.loaded_clearance import Gap
     from studies.fabrication.sensor_solids import FabricationChoices
 
 MARK = "# Magnetic force sensor, D = "
@@ -246,7 +246,7 @@ def text(
     plan: Plan | None,
     pictures: Sequence[str],
     command: str,
-    gap: Gap | None = None,
+    gap: loaded_clearance.Gap | None = None,
 ) -> str:
     """Return the README.md of one design; it names `command` as its origin."""
     mold = choices.mold
@@ -259,7 +259,7 @@ def text(
         recipe=fabricated["recipe"],
         plan=plan,
         thread=plan and screw_thread(plan.screw),
-        gap=gap,
+        room=loaded_clearance.room(gap),
         breakout=choices.base.breakout,
         size=size_sentence(fabricated),
         pictures=pictures,

@@ -13,7 +13,7 @@ from geometry.bad_input import MeshError
 from geometry.design import Design
 from geometry.fabrication import magnet_jig
 from geometry.messages import Progress
-from studies.fabrication import casting_recipe, loaded_clearance, parts_list
+from studies.fabrication import casting_recipe, parts_list
 from studies.fabrication.sensor_solids import (
     COLOURS,
     FabricatedSolids,
@@ -24,10 +24,11 @@ from studies.fabrication.sensor_solids import (
     make_solids,
     triangulated_parts,
 )
+from studies.mechanics import store as stores
 from studies.output import atomic_files, console, own_files
 from studies.output.records import FlatRow
 from studies.output.result import Block, Result, Table, failure_of
-from studies.simulation import design_summary
+from studies.simulation import design_summary, loaded_clearance
 
 if TYPE_CHECKING:
     from build123d import Solid
@@ -91,7 +92,8 @@ def build(
         gap = None
         if solids.plan:
             progress(0.1, "the beam under load")
-            gap = loaded_clearance.least_gap(design, solids.plan, solids.bodies, choices.rated)
+            with stores.opened(None) as store:
+                gap = loaded_clearance.least_gap(design, solids.plan, store, choices.rated)
             row["loaded_gap_mm"], row["warnings"] = gap and gap.value, row["warnings"] + loaded_clearance.warning(gap)
         try:
             progress(0.2, "triangles")

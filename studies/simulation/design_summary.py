@@ -29,11 +29,47 @@ def origin(name: str, design: Design) -> str:
     return "assumed" if spec.metadata["assumed"] else "paper"
 
 
-def study(design: Design, base: Base = Base(), process: str = "fdm") -> Result:
-    """Return every value of a design with its source, derived values, assumptions and warnings."""
-    from analytic.parts import average_warnings
+def study(
+    design: Design,
+    base: Base = Base(),
+    process: str = "fdm",
+    rated: tuple[float, float] | None = None,
+    *,
+    loaded: bool = False,
+) -> Result:
+    """Return every value of a design with its source, derived values, assumptions and warnings.
 
-    derived, failures, base_limits_l0 = derived_values(design, base, process)
+    Parameters
+    ----------
+    rated : required press force and force along the plate, N; None: none are stated.
+    loaded : whether finite elements solve for the loaded beam where the store lacks it.
+    """
+    from analytic.parts import average_warnings
+    from geometry.base import plan
+    from geometry.fabrication.hall_elements import ShortOfBase
+    from studies.mechanics import store as stores
+    from studies.simulation import loaded_clearance
+
+    failures: list[str] = []
+    base_plan, base_limits_l0 = None, False
+    # a design can have a field at the elements but no base that carries them, and the reverse
+    try:
+        base_plan = plan(design, base, process)
+    except BadInput as error:
+        failures.append(f"the size of the assembled sensor is unknown: {error}")
+        base_limits_l0 = isinstance(error, ShortOfBase)
+    derived, unknown = derived_values(design, base_plan)
+    gap = None
+    if base_plan:
+        with stores.opened(None, said=not loaded) as store:
+            gap = loaded_clearance.least_gap(design, base_plan, store, rated, solve=loaded)
+    derived |= {"loaded_gap_mm": gap and gap.value, "loaded_gap_error_mm": gap and gap.error}
+    failures += unknown
+    said = loaded_clearance.room(gap)
+    if gap and gap.obstacle == loaded_clearance.UNSOLVED:
+        said = [f"Whether the beam touches what stands beside it under {gap.load} is not solved yet: add --loaded."]
+    else:
+        failures += loaded_clearance.warning(gap)
     specs = dataclasses.fields(Design)
     unused = design.unused_fields()
     assumed = [spec.name for spec in specs if origin(spec.name, design) == "assumed" and spec.name not in unused]
@@ -52,14 +88,14 @@ def study(design: Design, base: Base = Base(), process: str = "fdm") -> Result:
         shown=[
             Table(title="Design", rows=rows, first=tuple(rows[0])),
             Table(title="Derived", rows=[derived]),
+            *said,
             *(f"{WARNING}{warning}" for warning in warnings),
         ],
     )
 
 
-def derived_values(design: Design, base: Base = Base(), process: str = "fdm") -> tuple[FlatRow, list[str], bool]:
-    """Return the derived values, a sentence for each that is unknown or whose element is saturated, and whether l0 is
-    too small for the base.
+def derived_values(design: Design, base_plan: Plan | None) -> tuple[FlatRow, list[str]]:
+    """Return the derived values, and a sentence for each that is unknown or whose element is saturated.
 
     H_mm : height of the magnet's centre above the base plane.
     wall_mm : thickness of the silicone beside the magnet; None without a magnet.
@@ -74,21 +110,12 @@ def derived_values(design: Design, base: Base = Base(), process: str = "fdm") ->
     from analytic import hall
     from analytic.magnet import resting_distance
     from analytic.parts import of_design
-    from geometry.base import plan
     from geometry.cad import beam_volume, magnet_volume
-    from geometry.fabrication.hall_elements import ShortOfBase
 
     body, magnet = beam_volume(design.shape), magnet_volume(design.shape) if design.shape.has_magnet else 0.0
     positions, _ = hall.elements(design)
     failures: list[str] = []
-    base_plan = rest = None
-    base_limits_l0 = False
-    # a design can have a field at the elements but no base that carries them, and the reverse
-    try:
-        base_plan = plan(design, base, process)
-    except BadInput as error:
-        failures.append(f"the size of the assembled sensor is unknown: {error}")
-        base_limits_l0 = isinstance(error, ShortOfBase)
+    rest = None
     try:
         rest = hall.readings(design)
         names = [element.name for element in of_design(design)]
@@ -110,7 +137,7 @@ def derived_values(design: Design, base: Base = Base(), process: str = "fdm") ->
         **hall_part(design),
         "magnets_apart_mm": resting_distance(design),
     }
-    return derived, failures, base_limits_l0
+    return derived, failures
 
 
 def hall_part(design: Design) -> FlatRow:

@@ -10,19 +10,25 @@ deformed skin from the box around an obstacle, negative inside. Its error is tha
 from __future__ import annotations
 
 import math
+import time
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from fem.physics_version import ESTIMATES, PHYSICS
 from geometry.arrays import Array
 from geometry.bad_input import BadInput, SolveFailed
 from geometry.base import Plan, screw_thread
 from geometry.design import Design
-from geometry.fabrication.hall_elements import Block
-from studies.output.deformed_body import SECTORS, of_field
+from geometry.fabrication.hall_elements import Block, boxes
+from geometry.loads import Load
+from studies.mechanics.store import Outcome, State, Store, as_stored
+from studies.mechanics.stored_solutions import of_similar
+from studies.output.deformed_body import SECTORS
 
 if TYPE_CHECKING:
-    from build123d import Solid
+    from fem.scene import Scene
 
 HEAD_WIDTH, HEAD_HEIGHT = 2.0, 0.8
 """Diameter and height of a screw's head over its thread, those of pan heads at most (ISO 7045)."""
@@ -30,6 +36,10 @@ MOTION_ERROR = 0.03
 """Largest true error of a shift at accuracy quick, over the shift (`magtip validate errors accuracy`)."""
 USUAL_DEPTH, USUAL_SHEAR = 3 / 8, 1 / 8
 """Press and shear over D where no forces are required: the largest press in use, and an eighth of D."""
+SKIN, SKIN_DIGITS = "skin", 7
+"""Name of the deformed skin among the quantities of the store, and decimal places of its points over D."""
+UNSOLVED = "it is not solved yet"
+"""Reason of an unknown gap that a solve would make known."""
 
 
 class Gap(NamedTuple):
@@ -42,13 +52,9 @@ class Gap(NamedTuple):
     load: str
 
 
-def obstacles(design: Design, plan: Plan, bodies: dict[str, Solid]) -> dict[str, Block]:
+def obstacles(design: Design, plan: Plan) -> dict[str, Block]:
     """Return the boxes around all that stands beside the beam above the base plane, mm, by name."""
-    found = {f"the post of {name}": block for name, block in plan.seats.posts.items()}
-    for name, solid in bodies.items():
-        box = solid.bounding_box()
-        low, size = (tuple(getattr(point, axis) for axis in "XYZ") for point in (box.min, box.size))
-        found[name] = Block(low, size)
+    found = {f"the post of {name}": block for name, block in plan.seats.posts.items()} | boxes(design)
     if plan.screw:
         thread = screw_thread(plan.screw)
         half = HEAD_WIDTH * thread / 2
@@ -63,13 +69,15 @@ def obstacles(design: Design, plan: Plan, bodies: dict[str, Solid]) -> dict[str,
 
 
 def least_gap(
-    design: Design, plan: Plan, bodies: dict[str, Solid], forces: tuple[float, float] | None = None
+    design: Design, plan: Plan, store: Store, forces: tuple[float, float] | None = None, *, solve: bool = True
 ) -> Gap | None:
     """Return the least gap of the loaded beam; None where nothing stands beside it.
 
+    store : keeps the deformed skin, over D, which serves all places of elements and screws.
     forces : required force along z and along the plate, N; default: `USUAL_DEPTH` and `USUAL_SHEAR`.
+    solve : False to answer by the store alone.
     """
-    beside = obstacles(design, plan, bodies)
+    beside = obstacles(design, plan)
     if not beside:
         return None
     depth, shear = USUAL_DEPTH * design.D, USUAL_SHEAR * design.D
@@ -77,13 +85,21 @@ def least_gap(
     if forces:
         words = f"{forces[0]:.3g} N" + (f" with {forces[1]:.3g} N along the plate" if forces[1] else "")
     try:
-        skin, motion = _skin(design, (depth, shear), forces)
+        skin, motion = _skin(design, Load(depth, shear, friction="stick"), forces, store, solve)
     except (BadInput, SolveFailed) as error:
         return Gap(math.nan, math.nan, str(error), words)
     gaps = {name: _distance(_turned(skin, _centre(block)), block) for name, block in beside.items()}
     name = min(gaps, key=lambda each: gaps[each])
     chords = design.R * (1 - math.cos(math.pi / (2 * SECTORS)))
     return Gap(gaps[name], MOTION_ERROR * motion + chords, name, words)
+
+
+def room(gap: Gap | None) -> list[str]:
+    """Return a sentence where a loaded beam keeps clear of all that stands beside it."""
+    if gap is None or not gap.value > gap.error:
+        return []
+    kept = f"Under {gap.load} the beam keeps {gap.value:.2g} +-{gap.error:.1g} mm of room to {gap.obstacle}"
+    return [f"{kept}, by finite elements at accuracy quick: a larger load may touch."]
 
 
 def warning(gap: Gap | None) -> list[str]:
@@ -102,24 +118,64 @@ def warning(gap: Gap | None) -> list[str]:
     return [f"under {gap.load} towards it {reached}: press and shear less, {remedy}, or take a larger base"]
 
 
-def _skin(design: Design, motion: tuple[float, float], forces: tuple[float, float] | None) -> tuple[Array, float]:
+def _skin(
+    design: Design, load: Load, forces: tuple[float, float] | None, store: Store, solve: bool
+) -> tuple[Array, float]:
     """Return the points (n, 3) of the deformed skin, sheared along x, and its largest motion, mm."""
-    from fem import equilibrium
     from fem.accuracy import QUICK
-    from fem.analyses.force_targets import solve_force
-    from geometry.loads import Load
+    from fem.scene import Scene
 
+    if forces and not forces[1]:
+        load = replace(load, shear_x=0.0)
+    scene = Scene(design, (load,), QUICK)
+    content = scene.dimensionless() | {"quantity": SKIN, "physics": PHYSICS[scene.model], "estimates": ESTIMATES}
+    (content["load"],) = content.pop("loads")
     if forces:
-        aside = (forces[1], 0.0) if forces[1] else None
-        found = solve_force(design, forces[0], QUICK, shear_force=aside)
-    else:
-        load = Load(motion[0], motion[1], friction="stick")
-        found = equilibrium.trace(design, [load], QUICK, estimate=False)[-1]
-    if found.status != "ok":
-        raise SolveFailed(found.message or found.status)
-    parts = of_field(found.body)
-    rest, u = (np.concatenate([parts[side][k] for side in ("front", "back")]) for k in (0, 1))
-    return rest + u, float(np.linalg.norm(u, axis=1).max())
+        unit = design.E_now * design.D**2
+        content["load"] = {"forces_over_ED2": [float(f"{force / unit:.12g}") for force in forces]}
+    state = store.states(content, [(0.0, 0.0)]).get((0.0, 0.0))
+    if state is None:
+        if not solve:
+            raise SolveFailed(UNSOLVED)
+        state = as_stored(_solved(scene, forces))
+        store.add(content, [state])
+    if state.outcome != "ok":
+        raise SolveFailed(of_similar(state.answer["message"], design.D, state.answer["D_mm"]))
+    skin = state.answer["values"]
+    return design.D * np.reshape(skin["points_over_D"], (-1, 3)), design.D * skin["motion_over_D"]
+
+
+def _solved(scene: Scene, forces: tuple[float, float] | None) -> State:
+    """Return the skin under the load of a scene, or under forces, as the store keeps it."""
+    from fem import equilibrium
+    from fem.analyses.force_targets import solve_force
+    from studies.mechanics.path_solver import origin, problem_of
+    from studies.mechanics.timed_quantities import STILL
+    from studies.output.deformed_body import of_field
+
+    design, begin = scene.design, time.perf_counter()
+    status: str = "failed"
+    try:
+        if forces:
+            aside = (forces[1], 0.0) if forces[1] else None
+            found = solve_force(design, forces[0], scene.accuracy, shear_force=aside)
+        else:
+            found = list(equilibrium.walk(scene, estimate=False))[-1]
+        status, message = found.status, found.message
+    except SolveFailed as error:
+        message = str(error)
+    values: dict[str, Any] = {}
+    outcome: Outcome = "ok" if status == "ok" else "failed"
+    if status == "ok":
+        parts = of_field(found.body)
+        rest, u = (np.concatenate([parts[side][k] for side in ("front", "back")]) / design.D for k in (0, 1))
+        values = {
+            "points_over_D": np.round((rest + u).ravel(), SKIN_DIGITS).tolist(),
+            "motion_over_D": float(np.linalg.norm(u, axis=1).max()),
+        }
+    answer = {"message": message or status, "error_estimate": None, "response": None, "values": values}
+    seconds = time.perf_counter() - begin
+    return State(0.0, 0.0, outcome, status, problem_of(design, scene.loads[0], STILL) | answer, seconds, origin())
 
 
 def _centre(block: Block) -> tuple[float, float]:
