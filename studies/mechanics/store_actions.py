@@ -1,7 +1,7 @@
 """What is done with a store's states: their table, filters and lists, its export, their removal.
 
 A state is a row, and every value that is stored a column: of the content of its path, of its own row, and of its
-answer. Lengths are over D, forces over E D^2. Contents and answers are JSON, of which SQLite extracts the values.
+answer. Lengths are over D, forces over E D^2. Answers are read only for states of which they are needed.
 """
 
 from __future__ import annotations
@@ -13,12 +13,13 @@ import json
 import math
 import re
 import sqlite3
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fem import physics_version
 from fem.accuracy import LEVELS
@@ -30,6 +31,9 @@ from studies.mechanics import store
 from studies.mechanics.timed_quantities import TIMED
 from studies.output import atomic_files, provenance, table_files
 from studies.output.records import FlatRow
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 TOLERANCE = 1e-9
 """Difference up to which a number equals the value of a filter: stored numbers have 12 digits."""
@@ -72,144 +76,126 @@ NAMES = {
     **{name: f"solved_{name}" for name in ("D_mm", "E_MPa")},
     **{name: name for name in ("message", "versions", "added")},
 }
-"""Columns that every export has, in their order, by the places of their values as SQLite writes them. Whatever
-else is stored has a column too, see `named`."""
+"""Columns that every export has, in their order, by the places of their values. Whatever else is stored has a column
+too, see `PLACE`."""
 TEXTS = {
     *("quantity", "model", "accuracy", "magnet", "law", "branches", "modulus", "waveform"),
     *("outcome", "status", "message", "versions", "added"),
 }
 """Columns of `NAMES` that hold texts; friction holds texts and numbers."""
+COLUMNS = tuple(NAMES.values())
 OF_CONTENT = ("quantity", "model", "physics", "estimates", "accuracy", "magnet", "law", "nu", "shape", "load")
 """Parts of a path's content that `NAMES` has."""
-ROW = ("depth", "shear", "outcome", "status", "seconds", "versions", "added")
-"""Values in the row of a state; others are of its answer."""
+ROW = ("depth", "shear", "outcome", "status", "seconds", "added")
+"""Values in the row of a state that are read with it."""
+NO_COLUMNS = ("solved", "solution", "reached", "sensor")
+"""Parts of an answer that are no columns: problem, solution in its own units, small system of a vibration."""
 UNNAMED = ("shape.D", "load.count")
 """Values that are no columns: D over D, and the number of modes."""
-PLACE = re.compile(
-    r"\$\.(?P<place>(?!solved\.|accuracy\.|solution\.|reached\.|values\.sensor\.)(?P<name>[\w.]+)(\[(?P<index>\d+)\])?)",
-    re.ASCII,
-)
-"""Place of a value that can be a column: that of a problem, of an accuracy, of a solution in its own units, or of
-the small systems of a vibration, is none."""
+PLACE = re.compile(r"(?P<name>[\w.]+)(\[(?P<index>\d+)\])?", re.ASCII)
+"""Place of a value that can be a column: values.largest_strain is column largest_strain, values.shape[0] shape_1."""
 LONGEST = 6
 """Largest number of values in a list that are columns; a longer list is a curve."""
 DAMAGED = "damaged"
 """Status of a state that is not as it was written, and model of a path whose content is no JSON."""
-CONTENT = "contents.content"
-ANSWER = "iif(json_valid(state.answer), state.answer, '{}')"
-"""SQL of what the columns are extracted from."""
-CONTENTS = (
-    "CREATE TEMPORARY VIEW contents AS SELECT id, key, CAST(content AS BLOB) AS written, iif(json_valid(content)"
-    f" AND ltrim(content) LIKE '{{%', content, '{{\"model\": \"{DAMAGED}\"}}') AS content FROM main.path"
-)
-KIND = ", ".join(f"json_extract(content, '$.{name}')" for name in ("quantity", "model", "physics"))
-"""SQL of what a path is of."""
-IS_DAMAGED = f"is_damaged(CAST(contents.key AS BLOB), contents.written, {store.READ})"
-"""Condition on `state` joined with its `contents`."""
-CHOSEN = (
-    "CREATE TEMPORARY TABLE chosen (path, depth, shear, outcome, seconds, added, unknown,"
-    " PRIMARY KEY (path, depth, shear)) WITHOUT ROWID"
-)
-"""The states that meet the filters, without answers; or of which this is unknown."""
-STATES = (
-    "(SELECT path, depth, shear FROM chosen{}) CROSS JOIN main.state USING (path, depth, shear)"
-    " JOIN contents ON contents.id = state.path"
-)
-"""The chosen states with answers and contents, in their order or in another."""
-BATCH = 10_000
-"""States that are read and written at once."""
+BATCH = 5_000
+"""States whose answers are held at once, beside the columns made of them."""
 
 
-# Columns
-
-
-class Column(NamedTuple):
-    """SQL of a column on `state` and `contents`, and whether it holds texts."""
-
-    sql: str
-    of_texts: bool
-
-
-@functools.cache
-def named(place: str) -> str:
-    """Return the column of a place in a content, a state or an answer.
-
-    >>> named("response.force[2]"), named("values.largest_strain"), named("estimates.shift"), named("values.shape[0]")
-    ('force_z_over_E_D2', 'largest_strain', 'estimates_shift', 'shape_1')
-    """
-    head, _, index = place.removesuffix("]").partition("[")
-    name = head.removeprefix("values.").replace(".", "_")
-    return NAMES.get(place, f"{name}_{int(index) + 1}" if index else name)
-
-
-def _column(place: str, source: str, *, of_texts: bool) -> Column:
-    name, sql = named(place), f"json_extract({source}, '$.{place}')"
-    D, E = (f" / json_extract({ANSWER}, '$.{value}')" for value in ("D_mm", "E_MPa"))
-    if place in ROW:
-        sql = f"CAST(state.{place} AS {'TEXT' if of_texts else 'REAL'})"
-    elif name == "accuracy":
-        sql = f"accuracy_name({sql})"
-    elif place.startswith("response.") and name.endswith("_over_E_D2"):
-        sql += D + D + E
-    elif place.startswith("response.") and name.endswith("_over_D"):
-        sql += D
-    elif place.startswith("values.frequency"):
-        # f D (rho / E)^(1/2) is stored in mm, MPa and kg/m^3
-        sql += " * 1e-6"
-    return Column(sql, of_texts)
-
-
-COLUMNS = {
-    name: _column(place, CONTENT if place.startswith(OF_CONTENT) else ANSWER, of_texts=name in TEXTS)
-    for place, name in NAMES.items()
-}
-"""The columns of `NAMES`."""
-
-
-def other_columns(connection: sqlite3.Connection, states: str) -> dict[str, Column]:
-    """Return the columns that have values in some states, but those of `NAMES`; `states`: a table in SQL."""
-    columns = {}
-    of_contents = f"contents, json_tree(content) WHERE contents.id IN (SELECT path FROM {states}) AND"
-    for source, tables in ((CONTENT, of_contents), (ANSWER, f"{states}, json_tree({ANSWER}) WHERE")):
-        found = connection.execute(f"SELECT DISTINCT fullkey, type = 'text' FROM {tables} atom IS NOT NULL")
-        places = [(match, text) for key, text in found if (match := PLACE.fullmatch(key.replace('"', "")))]
-        texts = {match["place"] for match, text in places if text}
-        curves = {match["name"] for match, _ in places if int(match["index"] or 0) >= LONGEST}
-        for match, _ in places:
-            place = match["place"]
-            if place not in NAMES and place not in UNNAMED and match["name"] not in curves:
-                columns[named(place)] = _column(place, source, of_texts=place in texts)
-    return columns
-
-
-@functools.cache
-def accuracy_name(values: str | None) -> str | None:
-    """Return the name of the accuracy level with these values (JSON), or other."""
-    if values is None:
-        return None
-    wanted = {"coarseness": 1.0, "tolerance_factor": 1.0} | json.loads(values)
-    return next((name for name, level in LEVELS.items() if asdict(level) == wanted | {"name": name}), "other")
-
-
-# Reading
+# The table
 
 
 @contextlib.contextmanager
 def reading(file: Path) -> Iterator[sqlite3.Connection]:
     """Connect to a store, to read it as it is now."""
     with store.readable(file) as connection:
-        prepare(connection)
         connection.execute("BEGIN")
         yield connection
 
 
-def prepare(connection: sqlite3.Connection) -> None:
-    """Make the functions and the tables that SQL of this file calls known to a connection."""
-    for function, count in ((accuracy_name, 1), (is_damaged, 11), (age, 1)):
-        connection.create_function(function.__name__, count, function, deterministic=True)
-    connection.execute("PRAGMA temp_store = MEMORY")
-    connection.execute(CONTENTS)
-    connection.execute(CHOSEN)
+def states(connection: sqlite3.Connection) -> pd.DataFrame:
+    """Return the states by path, depth and shear, with all columns but those of their answers."""
+    import pandas as pd
+
+    # an index has all that is read here; SQLite would read the answers too
+    rows = connection.execute(
+        "SELECT path, depth, shear, CAST(outcome AS TEXT), CAST(status AS TEXT), CAST(seconds AS REAL),"
+        " CAST(added AS TEXT) FROM state INDEXED BY state_listing ORDER BY path, depth, shear"
+    )
+    frame = pd.DataFrame(rows.fetchall(), columns=["path", *ROW]).set_index(["path", "depth", "shear"])
+    at = {f"{name}_over_D": pd.to_numeric(frame.index.get_level_values(name), "coerce") for name in ROW[:2]}
+    return frame.assign(**at).join(paths(connection), how="inner")
+
+
+def paths(connection: sqlite3.Connection) -> pd.DataFrame:
+    """Return the columns of the contents of all paths, by the numbers of the paths."""
+    import pandas as pd
+
+    rows = connection.execute("SELECT id, CAST(content AS BLOB) FROM path").fetchall()
+    places = [place for place in NAMES if place.startswith(OF_CONTENT)]
+    return _values([_content(text) for _, text in rows], pd.Index([path for path, _ in rows], name="path"), places)
+
+
+def _content(text: bytes) -> dict[str, Any]:
+    try:
+        content = json.loads(text, parse_constant=int)  # there is no NaN in JSON: int refuses it
+    except (ValueError, RecursionError):
+        content = None
+    if not isinstance(content, dict):
+        return {"model": DAMAGED}
+    return content | {"accuracy": accuracy_name(json.dumps(content.get("accuracy")))}
+
+
+@functools.cache
+def accuracy_name(values: str) -> str | None:
+    """Return the name of the accuracy level with these values (JSON), or other."""
+    if values == "null":
+        return None
+    wanted = {"coarseness": 1.0, "tolerance_factor": 1.0} | json.loads(values)
+    return next((name for name, level in LEVELS.items() if asdict(level) == wanted | {"name": name}), "other")
+
+
+def with_answers(
+    connection: sqlite3.Connection,
+    found: pd.DataFrame,
+    columns: Iterable[str] | None = None,
+    progress: Progress | None = None,
+) -> pd.DataFrame:
+    """Return states with columns of their answers, default: all; "damaged": whether it is not as it was written."""
+    import pandas as pd
+
+    blocks = []
+    for start in range(0, len(found) or 1, BATCH):
+        if progress is not None:
+            progress(start / len(found), f"{len(found)} states")
+        block = _answers(connection, found.index[start : start + BATCH])
+        blocks.append(block if columns is None else block.filter(["damaged", *columns]))
+    answers = pd.concat(blocks)
+    return found.join(answers[[name for name in answers if name not in found]])
+
+
+def _answers(connection: sqlite3.Connection, at: pd.MultiIndex) -> pd.DataFrame:
+    query = (
+        f"SELECT CAST(key AS BLOB), CAST(content AS BLOB), {store.READ} FROM state JOIN path ON id = path"
+        " WHERE path = ? AND depth = ? AND shear = ?"
+    )
+    found = [_stored(*connection.execute(query, (int(path), *position)).fetchone()) for path, *position in at]
+    records = [{} if state is None else state.answer | {"versions": state.versions} for state in found]
+    frame = _values(records, at, [place for place in NAMES if not place.startswith((*OF_CONTENT, *ROW))])
+    D, E = frame.solved_D_mm, frame.solved_E_MPa
+    for place, name in NAMES.items():
+        if place.startswith("response.") and name.endswith("_over_E_D2"):
+            frame[name] = frame[name] / D / D / E
+        elif place.startswith("response.") and name.endswith("_over_D"):
+            frame[name] /= D
+        elif place.startswith("values.frequency"):
+            # f D (rho / E)^(1/2) is stored in mm, MPa and kg/m^3
+            frame[name] *= 1e-6
+    return frame.assign(damaged=[state is None for state in found])
+
+
+def _stored(key: bytes, content: bytes, *row: Any) -> store.State | None:
+    return None if damaged_path(key, content) else store.stored(key.decode(), row)
 
 
 @functools.lru_cache(maxsize=1000)
@@ -221,75 +207,95 @@ def damaged_path(key: bytes, content: bytes) -> bool:
         return True
 
 
-def is_damaged(key: bytes, content: bytes, *row: Any) -> bool:
-    """Return whether a state or its path is not as it was written."""
-    return damaged_path(key, content) or store.stored(key.decode("utf-8", "replace"), row) is None
+def _values(records: Iterable[Any], index: pd.Index, places: list[str]) -> pd.DataFrame:
+    """Return a table of records: a column for each of these places, and for each other one that can be a column."""
+    import pandas as pd
+
+    frame = pd.DataFrame([dict(_places(record)) for record in records], index, dtype=object)
+    curves = {place.partition("[")[0] for place in frame if place.endswith(f"[{LONGEST}]")}
+    columns = {NAMES[place]: place for place in places}
+    for place in frame:
+        match = PLACE.fullmatch(place)
+        if match and place not in {*NAMES, *UNNAMED} and match["name"] not in curves:
+            name = match["name"].removeprefix("values.").replace(".", "_")
+            columns[f"{name}_{int(match['index']) + 1}" if match["index"] else name] = place
+    return frame.reindex(columns=list(columns.values())).set_axis(list(columns), axis=1)
 
 
-def age(content: str) -> int | None:
-    """Return -1 for a path of older physics or estimates than the program's, 1 for newer, 0 for the same.
+def _places(value: Any, place: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield the values of a record with their places, such as `response.force[2]`."""
+    if isinstance(value, dict):
+        for name, part in value.items():
+            if name not in NO_COLUMNS:
+                yield from _places(part, f"{place}.{name}" if place else name)
+    elif isinstance(value, list):
+        for index, part in enumerate(value[: LONGEST + 1]):
+            if not isinstance(part, dict | list):
+                yield from _places(part, f"{place}[{index}]")
+    elif value is not None:
+        yield place, int(value) if isinstance(value, bool) else value
 
-    None if a version is unknown. The program's version of an unknown model is 0. Vibrations and cycles have no
+
+def _plain(frame: pd.DataFrame) -> pd.DataFrame:
+    """Return a table with None for no value."""
+    return frame.astype(object).where(frame.notna(), None)
+
+
+def solved(of_paths: pd.DataFrame) -> pd.Series[str]:
+    """Return the name of what each path solves: the model of states along it, or another quantity."""
+    quantity, model = of_paths.quantity, of_paths.model
+    return quantity.mask(quantity.isna() | (quantity == "states"), model).mask(quantity == "force", "force, " + model)
+
+
+def ages(of_paths: pd.DataFrame) -> pd.Series[float]:
+    """Return -1 for each path of older physics or estimates than the program's, 1 for newer, 0 for the same.
+
+    NaN if a version is unknown. The program's version of an unknown model is 0. Vibrations and cycles have no
     estimates, and older paths lack their version.
     """
-    values = json.loads(content)
-    quantity, model, physics, estimates = map(values.get, ("quantity", "model", "physics", "estimates"))
-    if estimates is None:
-        estimates = physics_version.ESTIMATES if quantity in TIMED else 1
+    import pandas as pd
+
+    quantity, model, physics, estimates = (of_paths[name] for name in ("quantity", "model", "physics", "estimates"))
     # a quantity with a version of its own comes before the model that computes it
-    versions = {str(name): version for name, version in physics_version.PHYSICS.items()}
-    today = versions.get(str(quantity), versions.get(str(model), 0))
-    signs = {
-        (version > now) - (version < now) if isinstance(version, int | float) else None
-        for version, now in ((physics, today), (estimates, physics_version.ESTIMATES))
-    }
-    return next((sign for sign in (1, -1, None) if sign in signs), 0)
+    today = quantity.map(physics_version.PHYSICS).fillna(model.map(physics_version.PHYSICS)).fillna(0)
+    estimates = estimates.fillna(quantity.isin(TIMED).map({True: physics_version.ESTIMATES, False: 1}))
+    made = pd.DataFrame({"physics": physics, "estimates": estimates}).apply(pd.to_numeric, errors="coerce")
+    later = made - pd.DataFrame({"physics": today.astype(float), "estimates": physics_version.ESTIMATES})
+    cases = [(later > 0).any(axis=1), (later < 0).any(axis=1), later.isna().any(axis=1)]
+    return pd.Series(np.select(cases, [1.0, -1.0, math.nan], 0.0), of_paths.index)
 
 
 # Filters
 
 
-def choose(connection: sqlite3.Connection, selection: Selection) -> None:
-    """Fill the table of chosen states with those that meet the filters."""
-    sql: list[str] = []
-    values: list[str | float] = []
-    for option, date, sign in (("--since", selection.since, ">="), ("--before", selection.before, "<")):
-        if date is not None:
-            sql.append(f"state.added {sign} ?")
-            values.append(_utc(option, date))
+def choose(connection: sqlite3.Connection, selection: Selection) -> pd.DataFrame:
+    """Return the states that meet the filters, without their answers."""
+    every = states(connection)
+    meets = every.added.notna()
+    if selection.since is not None:
+        meets &= every.added >= _utc("--since", selection.since)
+    if selection.before is not None:
+        meets &= every.added < _utc("--before", selection.before)
     if outcomes := [name for name in ("failed", "transient") if getattr(selection, name)]:
-        sql.append(f"state.outcome IN ({', '.join('?' * len(outcomes))})")
-        values += outcomes
+        meets &= every.outcome.isin(outcomes)
     if selection.older_physics:
-        sql.append("state.path IN (SELECT id FROM contents WHERE age(content) < 0)")
+        meets &= ages(every) < 0
+    filters = [_parsed(text) for text in selection.where or []]
+    of_answers = {name for name, _ in filters} - {*every}
+    table = with_answers(connection, every, of_answers) if of_answers or selection.damaged else every
     if selection.damaged:
-        sql.append(IS_DAMAGED)
-    unknown = "0"
-    if filters := [_parsed(text) for text in selection.where or []]:
-        columns = COLUMNS
-        if not columns.keys() >= {name for name, _ in filters}:
-            columns = COLUMNS | other_columns(connection, "main.state")
-        wheres = [_meeting(columns, *where) for where in filters]
-        met = " AND ".join(condition for condition, _ in wheres)
-        answered = " OR NOT json_valid(state.answer)" if ANSWER in met else ""
-        unknown = f"(json_extract(content, '$.model') IS '{DAMAGED}'{answered})"
-        sql.append(f"({met} OR {unknown})")
-        values += [value for _, of_filter in wheres for value in of_filter]
-    meeting = " AND ".join(sql) or "1"
-    # an index has all columns that are needed but for those; SQLite would read the answers too
-    index = "" if re.search("answer|versions", meeting) else " INDEXED BY state_listing"
-    connection.execute(
-        "INSERT INTO chosen SELECT state.path, depth, shear, CAST(outcome AS TEXT), CAST(seconds AS REAL),"
-        f" CAST(state.added AS TEXT), {unknown} FROM main.state{index} JOIN contents ON contents.id = state.path"
-        f" WHERE {meeting}",
-        values,
-    )
-    (damaged,) = connection.execute("SELECT COUNT(*) FROM chosen WHERE unknown").fetchone()
-    if damaged:
+        meets &= table.damaged
+    unknown = meets & ((every.model == DAMAGED) | (table.damaged if of_answers else False)) & bool(filters)
+    for name, value in filters:
+        if name not in table:
+            raise BadInput(f"--where: there is no field {name!r}: {nearest(name, COLUMNS)}")
+        meets &= _meeting(table[name], value)
+    if unknown.any():
         raise BadInput(
-            f"{damaged} states are not as they were written, so whether they meet --where is not known: magtip store "
-            "check says what to do"
+            f"{unknown.sum()} states are not as they were written, so whether they meet --where is not known: magtip "
+            "store check says what to do"
         )
+    return every[meets]
 
 
 def _parsed(text: str) -> tuple[str, str]:
@@ -299,29 +305,30 @@ def _parsed(text: str) -> tuple[str, str]:
     return name, value
 
 
-def _meeting(columns: Mapping[str, Column], name: str, value: str) -> tuple[str, list[str | float]]:
-    """Return SQL of the states that have one of the values of a filter, or one in its range; and its parameters."""
-    if name not in columns:
-        raise BadInput(f"--where: there is no field {name!r}: {nearest(name, COLUMNS)}")
-    column = columns[name]
+def _of_texts(column: pd.Series[Any]) -> bool:
+    name = column.name
+    return name in TEXTS or (name not in COLUMNS and bool(column.map(lambda value: isinstance(value, str)).any()))
+
+
+def _meeting(column: pd.Series[Any], value: str) -> pd.Series[bool]:
+    """Return which states have one of the values of a filter, or one in its range."""
+    import pandas as pd
+
+    name, of_texts = str(column.name), _of_texts(column)
+    numbers = pd.to_numeric(column, "coerce")
     low, colon, high = value.partition(":")
-    # SQLite takes a text for larger than every number
-    between = f"{column.sql} BETWEEN ? AND ?"
-    values: list[str | float]
-    if colon and not column.of_texts:
+    if colon and not of_texts:
         least = _number(name, low) if low.strip() else -math.inf
         most = _number(name, high) if high.strip() else math.inf
         if least > most:
             raise BadInput(f"--where: the range of {name} is empty, {value}: give the lower bound first")
-        sql, values = between, [least - TOLERANCE, most + TOLERANCE]
-    else:
-        words = [word.strip() for word in value.split(",")]
-        texts = [word for word in words if column.of_texts or (name == "friction" and word.isalpha())]
-        numbers = [_number(name, word) for word in words if word not in texts]
-        sql = " OR ".join([f"CAST({column.sql} AS TEXT) = ?"] * len(texts) + [between] * len(numbers))
-        values = [*texts, *(x for n in numbers for x in (n - TOLERANCE, n + TOLERANCE))]
-    of_path = "state." not in sql
-    return f"state.path IN (SELECT id FROM contents WHERE {sql})" if of_path else f"({sql})", values
+        return numbers.between(least - TOLERANCE, most + TOLERANCE)
+    words = [word.strip() for word in value.split(",")]
+    texts = [word for word in words if of_texts or (name == "friction" and word.isalpha())]
+    meets = column.map(str, na_action="ignore").isin(texts)
+    for number in [_number(name, word) for word in words if word not in texts]:
+        meets |= numbers.between(number - TOLERANCE, number + TOLERANCE)
+    return meets
 
 
 def _number(name: str, text: str) -> float:
@@ -335,11 +342,7 @@ def _number(name: str, text: str) -> float:
 
 
 def _utc(option: str, text: str) -> str:
-    """Return a date or time as the store writes it; one without a time zone is UTC.
-
-    >>> _utc("--since", "2026-11-05")
-    '2026-11-05T00:00:00+00:00'
-    """
+    """Return a date or time as the store writes it; one without a time zone is UTC."""
     try:
         time = datetime.datetime.fromisoformat(text)
     except ValueError:
@@ -352,61 +355,53 @@ def _utc(option: str, text: str) -> str:
 
 # Lists
 
-LISTED = (
+LISTED = [
     *("quantity", "model", "accuracy", "magnet", "law", "nu", "L_over_D", "friction", "depth_over_D", "shear_over_D"),
     *("status", "force_z_over_E_D2", "force_x_over_E_D2", "critical_depth_over_D", "frequency_1_D_sqrt_rho_over_E"),
     *("error_estimate", "seconds", "added", "message"),
-)
+]
 """Columns of a list of states."""
-PATH_COLUMNS = (
+PATH_COLUMNS = [
     *("quantity", "model", "physics", "accuracy", "magnet", "law", "nu", "L_over_D"),
     *("magnet_diameter_over_D", "magnet_height_over_D", "friction"),
-)
+]
 """Columns of a list of paths that come from their contents; others come from their states."""
 
 
 def listing(selection: Selection, limit: int, *, of_paths: bool = False) -> tuple[FlatRow, list[FlatRow]]:
     """Return the summary of a store and its newest states, or its newest paths, that meet the filters.
 
-    `limit`: largest number of rows; 0 for all. SQLite counts to 2**63 - 1.
+    `limit`: largest number of rows; 0 for all.
     """
     file = selection.store or store.default()
     with reading(file) as connection:
-        choose(connection, selection)
-        rows = (_paths if of_paths else _states)(connection, min(limit, 2**63 - 1) or -1)
-        return summary(file, connection), rows
+        found = choose(connection, selection)
+        rows = (_paths if of_paths else _states)(connection, found, limit or len(found))
+        return summary(file, connection, found), _plain(rows).to_dict("records")
 
 
-def summary(file: Path, connection: sqlite3.Connection) -> FlatRow:
+def summary(file: Path, connection: sqlite3.Connection, found: pd.DataFrame) -> FlatRow:
     """Return how many states of an open store are chosen.
 
     "size_MB" of the file and its write-ahead log. "solving_s": time that these solves took, s. "states_by_model":
     number of states for each model, or quantity of another kind, and physics version.
     """
     (in_store,) = connection.execute("SELECT COUNT(*) FROM state").fetchone()
-    outcomes = dict(connection.execute("SELECT outcome, COUNT(*) FROM chosen GROUP BY outcome"))
-    of_paths = "(SELECT path, COUNT(*) AS states FROM chosen GROUP BY path)"
-    kinds = connection.execute(
-        f"SELECT {KIND}, SUM(states), COUNT(*) FROM {of_paths} JOIN contents ON id = path GROUP BY 1, 2, 3"
-    ).fetchall()
     return {
         "file": str(file),
         "size_MB": size_MB(file),
-        "paths": sum(paths for *_, paths in kinds),
-        "states": sum(outcomes.values()),
+        "paths": found.index.unique("path").size,
+        "states": len(found),
         "states_in_store": in_store,
-        **{name: outcomes.get(name, 0) for name in ("ok", "failed", "transient")},
-        "solving_s": math.fsum(seconds for (seconds,) in connection.execute("SELECT seconds FROM chosen")),
+        **{name: int((found.outcome == name).sum()) for name in ("ok", "failed", "transient")},
+        "solving_s": math.fsum(found.seconds),
         "states_by_model": tuple(
-            f"{solved(quantity, model)} (physics {physics}): {states}"
-            for quantity, model, physics, states, _ in kinds
+            f"{name} (physics {version}): {count}"
+            for (name, version), count in found.groupby([solved(found), found.physics.fillna("unknown")])
+            .size()
+            .items()
         ),
     }
-
-
-def solved(quantity: str | None, model: str | None) -> str:
-    """Return the name of what is solved: the model of states along a path, or another quantity."""
-    return f"force, {model}" if quantity == "force" else str(model if quantity in ("states", None) else quantity)
 
 
 def size_MB(file: Path) -> float:
@@ -415,49 +410,45 @@ def size_MB(file: Path) -> float:
     return sum(part.stat().st_size for part in parts if part.exists()) / 1e6
 
 
-def _position(column: str, place: str, found: str = "NULL") -> str:
-    """Return SQL of a position; that of vibrations, cycles and modes, 0 as a state, stands in their content.
+def _position(at: pd.Series[Any], of_load: pd.Series[Any], found: pd.Series[Any] | None = None) -> pd.Series[Any]:
+    """Return positions; those of vibrations, cycles and modes, 0 as states, stand in their content.
 
-    found : SQL of the one to which wanted forces have led.
+    found : to which wanted forces have led.
     """
+    of_load = of_load.astype(object)
+    return at.astype(object).where(at != 0, (of_load if found is None else of_load.fillna(found)).fillna(0))
+
+
+def _states(connection: sqlite3.Connection, found: pd.DataFrame, limit: int) -> pd.DataFrame:
+    order = ["added", "path", "depth_over_D", "shear_over_D"]
+    newest = found.sort_values(order, ascending=[False, False, True, True]).head(limit)
+    rows = with_answers(connection, newest)
+    rows = rows.reindex(columns=list(dict.fromkeys([*rows, "depth_mm", "shear_mm"])))
+    D = rows.solved_D_mm
+    return rows.assign(
+        depth_over_D=_position(rows.depth_over_D, rows.modes_at_depth_over_D, rows.depth_mm / D),
+        shear_over_D=_position(rows.shear_over_D, rows.at_shear_over_D, rows.shear_mm / D),
+        status=rows.status.mask(rows.damaged, DAMAGED),
+    )[LISTED]
+
+
+def _paths(connection: sqlite3.Connection, found: pd.DataFrame, limit: int) -> pd.DataFrame:
+    keys = dict(connection.execute("SELECT id, key FROM path").fetchall())
+    of_path = found.assign(not_ok=found.outcome != "ok").groupby("path")
+    rows = of_path[PATH_COLUMNS].first().assign(states=of_path.size(), not_ok=of_path.not_ok.sum())
+    places = of_path[["modes_at_depth_over_D", "at_shear_over_D"]].first()
     return (
-        f"CASE {column} WHEN 0 THEN coalesce(json_extract(content, '$.load.{place}'), {found}, 0) ELSE {column} END"
+        rows.assign(
+            least_depth_over_D=_position(of_path.depth_over_D.min(), places.modes_at_depth_over_D),
+            greatest_depth_over_D=_position(of_path.depth_over_D.max(), places.modes_at_depth_over_D),
+            greatest_shear_over_D=_position(of_path.shear_over_D.max(), places.at_shear_over_D),
+            seconds=of_path.seconds.sum(),
+            added=of_path.added.max(),
+            key=rows.index.map(keys),
+        )
+        .sort_values(["added", "path"], ascending=False)
+        .head(limit)
     )
-
-
-def _found(name: str) -> str:
-    return f"json_extract({ANSWER}, '$.values.{name}_mm') / json_extract({ANSWER}, '$.D_mm')"
-
-
-def _states(connection: sqlite3.Connection, limit: int) -> list[FlatRow]:
-    places = {"depth": "depth", "shear": "shear_x"}
-    at = {f"{name}_over_D": _position(f"state.{name}", place, _found(name)) for name, place in places.items()}
-    sql = ", ".join(at.get(name, COLUMNS[name].sql) for name in LISTED)
-    newest = STATES.format(" ORDER BY added DESC, path DESC, depth, shear LIMIT ?")
-    query = f"SELECT {sql}, {IS_DAMAGED} FROM {newest} ORDER BY state.added DESC, path DESC, depth, shear"
-    without_answer = {name: None for name in LISTED if ANSWER in COLUMNS[name].sql} | {"status": DAMAGED}
-    return [
-        dict(zip(LISTED, row, strict=True)) | (without_answer if damaged else {})
-        for *row, damaged in connection.execute(query, (limit,))
-    ]
-
-
-def _paths(connection: sqlite3.Connection, limit: int) -> list[FlatRow]:
-    totals = (
-        "SELECT path, COUNT(*) AS states, SUM(outcome != 'ok') AS not_ok, MIN(depth) AS least,"
-        " MAX(depth) AS greatest, MAX(shear) AS shear, SUM(seconds) AS seconds, MAX(added) AS added"
-        " FROM chosen GROUP BY path"
-    )
-    found = connection.execute(
-        f"SELECT {', '.join(f'{COLUMNS[name].sql} AS {name}' for name in PATH_COLUMNS)}, states, not_ok,"
-        f" {_position('least', 'depth')} AS least_depth_over_D,"
-        f" {_position('greatest', 'depth')} AS greatest_depth_over_D,"
-        f" {_position('shear', 'shear_x')} AS greatest_shear_over_D, seconds, added, key"
-        f" FROM ({totals}) JOIN contents ON contents.id = path ORDER BY added DESC, path DESC LIMIT ?",
-        (limit,),
-    )
-    names = [name for name, *_ in found.description]
-    return [dict(zip(names, row, strict=True)) for row in found]
 
 
 # Export
@@ -471,49 +462,33 @@ def export(selection: Selection, out: Path, progress: Progress) -> int:
     """Write the states that meet the filters to a file, in the order of their paths, and return their number."""
     atomic_files.check_output_file(out, *SUFFIXES)
     file = selection.store or store.default()
-    written = 0
     with reading(file) as connection:
-        choose(connection, selection)
-        states = STATES.format("")
-        count, damaged = connection.execute(f"SELECT COUNT(*), SUM({IS_DAMAGED}) FROM {states}").fetchone()
-        if not count:
+        found = choose(connection, selection)
+        if found.empty:
             raise BadInput(f"no state of the store {str(file)!r} meets the filters, so {out.name} is not written")
-        if damaged:
-            raise BadInput(
-                f"{damaged} of {count} states of the store {str(file)!r} are not as they were written, so {out.name} "
-                "is not written: magtip store check says what to do"
-            )
-        columns = COLUMNS | other_columns(connection, "chosen CROSS JOIN main.state USING (path, depth, shear)")
-        sql = ", ".join(column.sql for column in columns.values())
-        rows = connection.execute(f"SELECT {sql} FROM {states} ORDER BY path, depth, shear")
-        with atomic_files.sole_writer(out), _writer(out, file, columns) as write:
-            while batch := rows.fetchmany(BATCH):
-                write(batch)
-                written += len(batch)
-                progress(written / count, f"{count} states")
-    return written
-
-
-@contextlib.contextmanager
-def _writer(
-    out: Path, file: Path, columns: Mapping[str, Column]
-) -> Iterator[Callable[[list[tuple[Any, ...]]], None]]:
-    if out.suffix.lower() == ".jsonl":
-        with atomic_files.atomic(out) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as stream:
-            yield lambda rows: stream.writelines(
-                atomic_files.json_line(dict(zip(columns, row, strict=True))) + "\n" for row in rows
-            )
-        return
-    about = {"store": str(file), "versions": provenance.versions()}
-    with table_files.writer(out, digits=DIGITS, about=about) as write:
-        yield lambda rows: write(
-            {
-                name: np.array([None if value is None else str(value) for value in values], dtype=object)
-                if column.of_texts or name == "friction"
-                else np.array(values, dtype=float)  # NULL is NaN
-                for (name, column), values in zip(columns.items(), zip(*rows, strict=True), strict=True)
-            }
+        table = with_answers(connection, found, progress=progress)
+    if damaged := table.pop("damaged").sum():
+        raise BadInput(
+            f"{damaged} of {len(table)} states of the store {str(file)!r} are not as they were written, so "
+            f"{out.name} is not written: magtip store check says what to do"
         )
+    table = table[[*COLUMNS, *table.drop(columns=[*COLUMNS]).dropna(axis=1, how="all")]]
+    with atomic_files.sole_writer(out):
+        if out.suffix.lower() == ".jsonl":
+            with atomic_files.atomic(out) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as stream:
+                stream.writelines(atomic_files.json_line(row) + "\n" for row in table.to_dict("records"))
+        else:
+            about = {"store": str(file), "versions": provenance.versions()}
+            with table_files.writer(out, digits=DIGITS, about=about) as write:
+                write({name: _written(table[name]) for name in table})
+    return len(table)
+
+
+def _written(column: pd.Series[Any]) -> NDArray[Any]:
+    if column.name == "friction" or _of_texts(column):
+        column = column.map(str, na_action="ignore")
+        return np.array(column, dtype=object)
+    return np.array(column, dtype=float)
 
 
 # Removal
@@ -532,22 +507,18 @@ def prune(selection: Selection, *, yes: bool) -> FlatRow:
         )
     file = selection.store or store.default()
     with reading(file) as connection:
-        choose(connection, selection)
-        before = summary(file, connection)
-        (paths,) = connection.execute(
-            "SELECT COUNT(*) FROM (SELECT path, COUNT(*) AS n FROM chosen GROUP BY path) AS gone"
-            " WHERE n = (SELECT COUNT(*) FROM state WHERE state.path = gone.path)"
-        ).fetchone()
+        found = choose(connection, selection)
+        before = summary(file, connection, found)
+        in_path = dict(connection.execute("SELECT path, COUNT(*) FROM state GROUP BY path"))
+    gone = sum(count == in_path[path] for path, count in found.groupby("path").size().items())
     states, in_store, size = (before[name] for name in ("states", "states_in_store", "size_MB"))
     if yes and states:
         with store.writable(file) as connection, store.refusals(file):
-            prepare(connection)
             connection.execute("BEGIN IMMEDIATE")
             with connection:
                 # what another process has solved meanwhile stays
-                choose(connection, selection)
-                gone = "(SELECT path, depth, shear FROM chosen)"
-                connection.execute(f"DELETE FROM main.state WHERE (path, depth, shear) IN {gone}")
+                rows = [(int(path), *position) for path, *position in choose(connection, selection).index]
+                connection.executemany("DELETE FROM state WHERE path = ? AND depth = ? AND shear = ?", rows)
                 connection.execute("DELETE FROM path WHERE id NOT IN (SELECT path FROM state)")
             connection.execute("VACUUM")
             # a process that reads keeps the old pages: the file shrinks later, without a wait here
@@ -557,7 +528,7 @@ def prune(selection: Selection, *, yes: bool) -> FlatRow:
         "file": str(file),
         "removed": yes,
         "states": states,
-        "paths": paths,
+        "paths": gone,
         "states_left": in_store - states,
         "solving_s": before["solving_s"],
         "size_MB": size,

@@ -89,18 +89,14 @@ def _answers(connection: sqlite3.Connection) -> Found:
 
 
 def _physics(connection: sqlite3.Connection) -> Found:
+    paths = store_actions.paths(connection)
+    paths = paths[paths.model != store_actions.DAMAGED]
     # older physics versions are in order
-    known = "json_extract(content, '$.physics') >= 1 AND age(content) <= 0"
-    kinds = connection.execute(
-        f"SELECT {store_actions.KIND}, SUM(NOT coalesce({known}, 0)) FROM contents"
-        f" WHERE json_extract(content, '$.model') IS NOT '{store_actions.DAMAGED}' GROUP BY 1, 2, 3"
-    ).fetchall()
-    errors = [
-        f"{count} of {store_actions.solved(quantity, model)} with physics version {physics}"
-        for quantity, model, physics, count in kinds
-        if count
+    unknown = ~(paths.physics.where(store_actions.ages(paths) <= 0, 0) >= 1)
+    kinds = unknown.groupby([store_actions.solved(paths), paths.physics.fillna("unknown")]).sum()
+    return len(kinds), [
+        f"{count} of {solved} with physics version {physics}" for (solved, physics), count in kinds.items() if count
     ]
-    return len(kinds), errors
 
 
 CHECKS: dict[str, tuple[Callable[[sqlite3.Connection], Found], str]] = {
@@ -123,11 +119,11 @@ def chosen(connection: sqlite3.Connection, count: int, seed: int) -> list[Place]
 
     Those of stores of magtip 0.2 do not say what was solved, and a deformed skin has no numbers to compare.
     """
-    known = connection.execute(
-        "SELECT path, depth, shear FROM state JOIN contents ON id = path"
-        f" WHERE outcome = 'ok' AND age(content) = 0 AND json_extract(content, '$.quantity') IS NOT 'skin'"
-        f" AND NOT {store_actions.IS_DAMAGED} ORDER BY 1, 2, 3"
-    ).fetchall()
+    states = store_actions.states(connection)
+    today = (store_actions.ages(states) == 0) & (states.quantity != "skin")
+    states = states[today & (states.outcome == "ok")]
+    states = store_actions.with_answers(connection, states, [])
+    known = [(int(path), *position) for path, *position in states.index[~states.damaged]]
     return random.Random(seed).sample(known, min(count, len(known)))
 
 
