@@ -18,12 +18,12 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analytic.hall import Mode, at_rail, rails
-from analytic.inverse import pose_search, response_surface
-from analytic.inverse.forward_model import CENTRED, NO_TILT, Forward, Mount, model, rotation
+from analytic.hall import Mode, rails
+from analytic.inverse import ambient_field, pose_search, response_surface
+from analytic.inverse.forward_model import CENTRED, NO_TILT, Forward, Mount, model, readings_with_slopes, rotation
 from analytic.inverse.pose_search import Goal, StartTable
 from analytic.inverse.response_surface import Mechanics
-from analytic.parts import Element, of_design
+from analytic.parts import Element
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
 
@@ -33,9 +33,6 @@ Status = (
 """`out_of_range` is that of a regression, which knows no pose."""
 Limit = Literal["depth", "shear", "workspace"]
 """Limit that a pose exceeds: the depth or the shear of the mechanics' samples, or the workspace of the design."""
-
-SATURATED = 1e6
-"""Stands for a mixture of readings of which one is at a rail, T: far beyond any field."""
 
 CELLS = (24, 24, 12)
 """Number of the table's cells along x, y and z: half as many along z, because the workspace is half as high."""
@@ -50,6 +47,7 @@ class Decoder:
     low, high : corners of the workspace, shape (3,), mm.
     table, goal : starts of the search for poses, and what a pose must fit.
     sigma : standard deviation of each reading from noise and converter, shape (k,), T.
+    field_fit : G of `analytic.inverse.ambient_field`, shape (3, k), where an ambient field is rejected, else None.
     """
 
     forward: Forward
@@ -59,6 +57,7 @@ class Decoder:
     table: StartTable
     goal: Goal
     sigma: Array
+    field_fit: Array | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -118,7 +117,7 @@ def decoder(
         the sensor is the design, exactly. Only more than three readings leave a residual that is compared with it.
     mount : as in `analytic.inverse.forward_model.model`.
     reject_ambient : take a uniform ambient field for three more unknowns: poses and loads are then those of the
-        readings less what any such field would explain (`ambient_free`). It needs nine readings or more.
+        readings less what any such field would explain (`analytic.inverse.ambient_field`). It needs nine readings.
 
     Raises
     ------
@@ -127,37 +126,38 @@ def decoder(
         is empty, or the field is not defined at a point of it.
     """
     tau = NO_TILT if law is None or ignore_tilt else law.tilt
-    mix = ambient_free(of_design(design) if elements is None else elements) if reject_ambient else None
-    forward = model(design, tau, elements=elements, mode=mode, mount=mount, mix=mix)
+    forward = model(design, tau, elements=elements, mode=mode, mount=mount)
+    sigma = np.array([element.noise_T for element in forward.elements])
+    weights, field_fit, free = _weights(sigma), None, np.empty((0, 0))
+    if reject_ambient:
+        field_fit = ambient_field.field_fit(forward.elements, weights)
+        free = ambient_field.field_free(forward.elements, field_fit)
     low, high = response_surface.workspace(design, law) if workspace is None else map(np.asarray, workspace)
     if low.shape != (3,) or high.shape != (3,) or not (np.isfinite(high - low) & (low < high)).all():
         raise BadInput("the workspace must have a positive size along x, y and z, in mm: raise its reach or its sink")
     low, high = np.array(low, dtype=float), np.array(high, dtype=float)
     # poses on the faces of the workspace lie inside a cell of the table, and inside the workspace despite rounding
     pad, edge = 0.01 * (high - low), 1e-7 * design.D
-    table, span = pose_search.start_table(forward, low - pad, high + pad, cells)
-    sigma = np.array([element.noise_T for element in forward.elements])
-    if mix is not None:
-        sigma, deviation = (
-            np.sqrt(mix**2 @ sigma**2),
-            np.sqrt(mix**2 @ np.square(np.broadcast_to(deviation, len(sigma)))),
-        )
+    table, span = pose_search.start_table(forward, low - pad, high + pad, cells, free)
     explained = np.hypot(sigma, deviation)
+    if reject_ambient:
+        explained = np.sqrt(free**2 @ explained**2)
     cell = (high - low + 2 * pad) / cells
     goal = Goal(
         low=low - edge,
         high=high + edge,
         floor=low - 3 * cell,
         roof=high + 3 * cell,
-        weights=_weights(sigma),
+        weights=weights,
         # of more than three readings; five standard deviations, or 2 % of the range of a reading without noise
         tolerance=np.where(explained > 0, 5 * explained, 0.02 * span),
         # nearly all poses lie within one diagonal of a cell from their start
         reach=2.5 * float(np.linalg.norm(cell)),
         D=design.D,
-        rails=rails(forward.elements) if mix is None else np.tile([-SATURATED / 2, SATURATED / 2], (len(mix), 1)),
+        rails=rails(forward.elements),
+        free=free,
     )
-    return Decoder(forward, law, low, high, table, goal, sigma)
+    return Decoder(forward, law, low, high, table, goal, sigma, field_fit)
 
 
 def field_of(elements: Sequence[Element], outputs: ArrayLike) -> Array:
@@ -181,7 +181,7 @@ def decode(coder: Decoder, readings: ArrayLike, *, near: ArrayLike | None = None
     BadInput
         The readings have a wrong shape.
     """
-    rows, count = mixed(coder, rows_of(coder, readings)), coder.forward.count
+    rows, count = rows_of(coder, readings), len(coder.forward.elements)
     last = np.zeros(3) if near is None else np.asarray(near, float)
     status: list[Status] = []
     poses, multiplicity = [np.empty((0, 3))], np.zeros(len(rows), dtype=np.int64)
@@ -231,38 +231,28 @@ def rows_of(coder: Decoder, readings: ArrayLike) -> Array:
     return rows
 
 
-def ambient_free(elements: Sequence[Element]) -> Array:
-    """Return weights (k - 3, k) of readings of k elements that no uniform field changes.
+def ambient_of(coder: Decoder, readings: Array, shift: Array) -> tuple[Array, Array]:
+    """Return the uniform field that a decoder rejected from rows of readings, and its standard deviation by noise.
 
-    With the directions N (k, 3) of the elements and the standard deviations S of their noise, they are an orthonormal
-    basis of the complement of S^-1 N, over S and times the mean deviation: least squares with these weights is that
-    over pose and field together, and the noise of all combinations is alike and independent.
+    Parameters
+    ----------
+    readings, shift : B.n of the elements, (n, k), T, and the pose decoded from them, (n, 3), mm; NaN without one.
 
-    Raises
-    ------
-    BadInput
-        There are fewer than nine readings, or their directions lie in a plane.
+    Returns
+    -------
+    field, deviation : shape (n, 3), T; NaN without a pose, the deviation also without noise.
     """
-    normals = np.array([element.direction for element in elements])
-    noise = np.array([element.noise_T for element in elements])
-    weights = noise.mean() / noise if noise.all() else np.ones(len(elements))
-    # two chips leave three numbers for the pose, which a shift across the line through them hardly changes
-    if len(elements) < 9 or np.linalg.matrix_rank(normals) < 3:
-        raise BadInput(
-            f"an ambient field is three more unknowns, which {len(elements)} readings do not tell from a pose: take "
-            "three chips of three axes or more (chip_count)"
-        )
-    basis = np.linalg.svd(weights[:, None] * normals)[0][:, 3:]
-    return np.asarray(basis.T * weights)
-
-
-def mixed(coder: Decoder, rows: Array) -> Array:
-    """Return readings (n, k), T, as those of the decoder's model, (n, j); of a row at a rail all are `SATURATED`."""
-    if coder.forward.mix is None:
-        return rows
-    found = rows @ coder.forward.mix.T
-    found[at_rail(coder.forward.elements, rows.T).any(axis=0)] = SATURATED
-    return np.asarray(found)
+    G, known = coder.field_fit, np.isfinite(shift[:, 2])
+    if G is None:
+        raise ValueError("this decoder rejects no ambient field")
+    field, deviation = np.full((2, *shift.shape), np.nan)
+    values, A = readings_with_slopes(coder.forward, shift[known].T)
+    field[known] = (readings[known] - values.T) @ G.T
+    # a reading changes the field by itself, and by the pose that follows from it
+    moves = spread(coder.sigma, np.einsum("ik,jkn->jin", coder.goal.free, A))
+    by_noise = (G * coder.sigma)[..., None] - np.einsum("ik,jkn,jln->iln", G, A, moves)
+    deviation[known] = np.sqrt((by_noise**2).sum(axis=1)).T
+    return field, deviation
 
 
 def nearest_of(poses: Array, near: Array) -> int:
@@ -325,8 +315,8 @@ def poses_outside(coder: Decoder, readings: Array) -> Array:
     goal = coder.goal._replace(low=low, high=high, floor=low, roof=high)
     # beyond the workspace the magnet may overlap an element, where its field can be undefined
     with contextlib.suppress(BadInput):
-        table, _ = pose_search.start_table(coder.forward, low, high, CELLS)
-        for k, row in enumerate(mixed(coder, rows_of(coder, readings))):
+        table, _ = pose_search.start_table(coder.forward, low, high, CELLS, coder.goal.free)
+        for k, row in enumerate(rows_of(coder, readings)):
             poses = pose_search.poses_of(row, coder.forward, table, goal)[1]
             far = np.maximum(np.maximum(coder.low - poses, poses - coder.high), 0.0).max(axis=1)
             if len(poses):

@@ -27,7 +27,7 @@ from studies.calibration import (
 )
 from studies.firmware import decoder_export
 from studies.firmware.decoder_export import STATUSES
-from studies.inputs.option_groups import Pose, Reading, Streaming
+from studies.inputs.option_groups import Exporting, Pose, Reading, Streaming
 from studies.inputs.user_input import design_text
 from studies.parts.part_tolerances import tolerances
 from studies.parts.requirements import Requirements, stated_requirements
@@ -171,7 +171,7 @@ def calibration(bench, tmp_path_factory):
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed")
 def test_a_calibrated_sensor_decodes_as_in_python_by_the_decoder_in_c(calibration, tmp_path):
     found, path = calibration
-    made = decoder_export.prepare(paper(), None, None, "16k", None, path)
+    made = decoder_export.prepare(paper(), Exporting(flash="16k", calibration=path))
     firmware_check.write_header(made, tmp_path)
     program = firmware_check.compiled(tmp_path, "gcc", [*firmware_check.STRICT, "-O0"])
     outputs, _ = firmware_check.random_outputs(made.coder, 1000, np.random.default_rng(5))
@@ -620,7 +620,7 @@ def test_a_temperature_that_has_no_meaning_is_refused(calibrated, words, sentenc
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed")
 def test_the_decoder_in_c_takes_a_temperature_or_widens_its_interval_as_in_python(thermal, tmp_path):
     found, path = thermal
-    made = decoder_export.prepare(paper(), None, None, "20k", None, path)
+    made = decoder_export.prepare(paper(), Exporting(flash="20k", calibration=path))
     firmware_check.write_header(made, tmp_path)
     program = firmware_check.compiled(tmp_path, "gcc", [*firmware_check.STRICT, "-O0"])
     celsius, rng = np.repeat([20.0, 45.0, -10.0, np.nan], 50), np.random.default_rng(6)

@@ -11,7 +11,7 @@ from numpy.polynomial.polynomial import polyder, polyval2d
 from numpy.testing import assert_allclose
 
 from analytic import beam, decode, hall, stream
-from analytic.inverse import forward_model, pose_search, response_surface
+from analytic.inverse import ambient_field, forward_model, pose_search, response_surface
 from analytic.inverse.forward_model import slopes_at
 from analytic.parts import Element
 from geometry.design import BadInput, Design, paper
@@ -126,6 +126,60 @@ def test_noise_is_that_of_a_sample():
     assert_allclose(many.shift.std(axis=0), one.noise_mm[0], rtol=0.05)
     assert_allclose(many.force.std(axis=0), one.noise_N[0], rtol=0.05)
     assert np.isnan(decode.decode(decode.decoder(paper()), field).noise_mm).all()
+
+
+REJECTING = {"hall_layout": "tle493d-w2b6", "chip_count": 3, "chip_x": 5.0, "chip_noise": 5e-5}
+
+
+@pytest.fixture(scope="module")
+def rejecting():
+    design = Design(**REJECTING)
+    return decode.decoder(design, tilting(design), reject_ambient=True)
+
+
+def test_a_rejected_field_changes_no_pose_and_is_found(rejecting):
+    shift, field = poses(rejecting, 200)
+    ambient = np.random.default_rng(2).uniform(-1e-3, 1e-3, (200, 3))
+    rows = field.T + ambient @ ambient_field.directions(rejecting.forward.elements).T
+    found, row_by_row = decode.decode(rejecting, rows), stream.Stream(rejecting)
+    assert set(found.status) == {"ok"}
+    assert_allclose(found.shift, shift.T, atol=1e-6)
+    assert_allclose(decode.ambient_of(rejecting, rows, found.shift)[0], ambient, atol=1e-9)
+    # a zero in a field takes it off: what is found is what came since
+    row_by_row.zero(forward_model.readings_at(rejecting.forward, np.zeros((3, 1))).T + rows[:1] - field.T[:1])
+    sample = row_by_row.step(tuple(rows[1]))
+    since = decode.ambient_of(row_by_row.coder, rows[1:2] + row_by_row.offset, np.array([sample.shift]))[0][0]
+    assert_allclose(sample.shift, shift[:, 1], atol=1e-6)
+    assert_allclose(since, ambient[1] - ambient[0], atol=1e-9)
+
+
+def test_the_noise_of_a_rejecting_decoder_is_that_of_a_sample(rejecting):
+    at = np.array([[0.8], [-0.4], [-1.0]])
+    field = forward_model.readings_at(rejecting.forward, at).T
+    noise = rejecting.sigma * np.random.default_rng(5).standard_normal((2000, 9))
+    many, one = decode.decode(rejecting, field + noise), decode.decode(rejecting, field)
+    plain = decode.decode(decode.decoder(rejecting.forward.design, rejecting.mechanics), field)
+    assert_allclose(many.shift.std(axis=0), one.noise_mm[0], rtol=0.06)
+    assert_allclose(many.force.std(axis=0), one.noise_N[0], rtol=0.06)
+    assert (one.noise_N > plain.noise_N).all()
+    spread = decode.ambient_of(rejecting, field + noise, many.shift)[0].std(axis=0)
+    assert_allclose(spread, decode.ambient_of(rejecting, field, one.shift)[1][0], rtol=0.06)
+
+
+def test_a_gradient_is_no_uniform_field_and_its_effect_is_proportional_to_it(rejecting):
+    """B = g (x, -y, 0) / mm at the chips: what it moves a pose by grows with g, and a mean field would be found."""
+    field = forward_model.readings_at(rejecting.forward, np.array([[0.2], [0.1], [-0.8]])).T
+    elements = rejecting.forward.elements
+    of_gradient = np.array([np.dot(e.direction, np.multiply(e.position, [1, -1, 0])) for e in elements])
+    still, *moved = (decode.decode(rejecting, field + g * of_gradient).shift[0] for g in (0.0, 1e-6, 2e-6))
+    assert_allclose(moved[1] - still, 2 * (moved[0] - still), rtol=0.01)
+    assert np.linalg.norm(moved[0] - still) > 1e-5
+
+
+def test_two_chips_and_one_axis_elements_do_not_tell_a_field_from_a_pose():
+    for design in (paper(), Design(**REJECTING | {"chip_count": 2})):
+        with pytest.raises(BadInput, match="do not tell from a pose: take three chips"):
+            decode.decoder(design, reject_ambient=True)
 
 
 PLACES = [

@@ -205,6 +205,10 @@ def test_decode_rejects_a_uniform_field(run):
     assert without["status"] in ("ok", "uncalibrated")
     assert without["shift_mm"] == pytest.approx([0.3, 0.1, -0.8], abs=1e-3)
     assert with_field["status"] == "inconsistent"
+    field, half = without["ambient_uT"], without["ambient_half_width_uT"]
+    assert field == pytest.approx([500, -300, 400], abs=1e-3)
+    assert "ambient_uT" not in with_field
+    assert 50 < min(half) < max(half) < 500
 
 
 REFUSALS = {

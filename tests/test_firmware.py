@@ -18,6 +18,7 @@ from geometry.design import Design, paper
 from studies.cli import main
 from studies.firmware import decoder_export
 from studies.firmware.decoder_export import STATUSES
+from studies.inputs.option_groups import Exporting
 from studies.output.goals import missed
 from studies.parts.requirements import Requirements
 from studies.sensing import decode_readings
@@ -46,13 +47,13 @@ def needs(*programs):
 
 @pytest.fixture(scope="module")
 def firmware():
-    return decoder_export.prepare(paper(), "finite", None, "16k")
+    return decoder_export.prepare(paper(), Exporting(flash="16k", level="finite"))
 
 
 @pytest.fixture(scope="module")
 def chip():
     """A chip whose noise moves its converter, so that a repeated value is frozen."""
-    return decoder_export.prepare(Design(hall_layout="tlv493d-a1b6"), None, None, "64k")
+    return decoder_export.prepare(Design(hall_layout="tlv493d-a1b6"), Exporting())
 
 
 class Answer(ctypes.Structure):
@@ -152,7 +153,7 @@ def test_goals_see_half_widths_and_allow_one_row_of_a_few():
 
 @needs("gcc")
 def test_folds_are_ambiguous_as_in_python(tmp_path):
-    firmware = decoder_export.prepare(Design(**firmware_check.PLAN["case"][-1]["fields"]), "paper", None, "64k")
+    firmware = decoder_export.prepare(Design(**firmware_check.PLAN["case"][-1]["fields"]), Exporting(level="paper"))
     firmware_check.write_header(firmware, tmp_path)
     program = firmware_check.compiled(tmp_path, "gcc", [*firmware_check.STRICT, "-O0"])
     outputs, truth = firmware_check.random_outputs(firmware.coder, 1500, np.random.default_rng(3))
@@ -167,7 +168,7 @@ def test_folds_are_ambiguous_as_in_python(tmp_path):
 
 @needs("gcc")
 def test_several_chips_decode_as_python_and_may_contradict_each_other(tmp_path):
-    firmware = decoder_export.prepare(Design(**THREE_CHIPS), None, None, "64k")
+    firmware = decoder_export.prepare(Design(**THREE_CHIPS), Exporting())
     firmware_check.write_header(firmware, tmp_path)
     program = firmware_check.compiled(tmp_path, "gcc", [*firmware_check.STRICT, "-O0"])
     outputs, truth = firmware_check.random_outputs(firmware.coder, 600, np.random.default_rng(4))
@@ -180,6 +181,29 @@ def test_several_chips_decode_as_python_and_may_contradict_each_other(tmp_path):
     assert off["force_percent"] < 0.02
     assert "inconsistent" in words[500:]
     assert set(words[500:]) <= {"inconsistent", "out_of_workspace"}
+
+
+@needs("gcc")
+def test_a_rejected_field_gives_no_force_in_c_and_is_found_as_in_python(tmp_path):
+    design = Design(**THREE_CHIPS | {"chip_noise": 5e-5})
+    firmware = decoder_export.prepare(design, Exporting(reject_ambient=True))
+    firmware_check.write_header(firmware, tmp_path)
+    program = firmware_check.compiled(tmp_path, "gcc", [*firmware_check.STRICT, "-O0"])
+    outputs, truth = firmware_check.random_outputs(firmware.coder, 400, np.random.default_rng(4))
+    # chips read in T, along x, y or z
+    field = np.random.default_rng(1).uniform(-1e-3, 1e-3, (400, 3))
+    disturbed = outputs + field @ np.array([e.direction for e in firmware.coder.forward.elements]).T
+    expected = decoder_export.reference(firmware.coder, firmware.made, disturbed)
+    expected["half_width"] = firmware_check.expected_half_widths(firmware, None, outputs, expected["shift"])
+    found = firmware_check.answers(program, disturbed, kind=firmware_check.REJECTING_ANSWER)
+    off = firmware_check.differences(found, expected, firmware.errors[2], truth)
+    assert off["statuses_percent"] < 0.5
+    assert off["force_percent"] < 0.05
+    assert off["half_width_percent"] < 1
+    assert_allclose(expected["ambient"], field, atol=1e-6)
+    known = np.isfinite(found["ambient"][:, 0])
+    assert known.mean() > 0.99
+    assert_allclose(found["ambient"][known], field[known], atol=5e-6)
 
 
 @needs("gcc")
@@ -321,7 +345,7 @@ def run_sketch(folder, name, *, run=True):
 @needs("g++")
 def test_the_frame_of_a_sketch_for_other_chips_compiles_and_its_self_test_agrees(tmp_path):
     ready = decoder_export.prepare(
-        Design(hall_layout="mlx90393", chip_count=2, chip_x=2.5, chip_noise=1e-5), None, None, "20k"
+        Design(hall_layout="mlx90393", chip_count=2, chip_x=2.5, chip_noise=1e-5), Exporting(flash="20k")
     )
     for file, text in decoder_export.texts(ready, "magtip firmware").items():
         (tmp_path / file).parent.mkdir(parents=True, exist_ok=True)
@@ -337,7 +361,7 @@ def test_the_frame_of_a_sketch_for_other_chips_compiles_and_its_self_test_agrees
 )
 def test_sketches_compile_and_the_self_test_agrees(firmware, chip, layout, name, tmp_path):
     if layout == "mlx90393":
-        ready = decoder_export.prepare(Design(hall_layout=layout), None, None, "16k")
+        ready = decoder_export.prepare(Design(hall_layout=layout), Exporting(flash="16k"))
     else:
         ready = firmware if layout == "three" else chip
     for file, text in decoder_export.texts(ready, "magtip firmware").items():
@@ -354,7 +378,7 @@ def test_sketches_compile_and_the_self_test_agrees(firmware, chip, layout, name,
 
 def test_errors_are_those_of_the_required_loads_in_percent_of_their_press():
     needed = Requirements(force_z=6.0, force_x=0.5)
-    plain, made = (decoder_export.prepare(Design(), None, None, "16k", needed=each) for each in (None, needed))
+    plain, made = (decoder_export.prepare(Design(), Exporting(flash="16k"), needed=each) for each in (None, needed))
     assert plain.scale == (plain.errors[1], plain.errors[2], "the largest force of the workspace")
     error, full, words = made.scale
     assert (full, words, made.percent) == (6.0, "the required press", pytest.approx(100 * error / 6))

@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+from pathlib import Path
 
 import magpylib
 import numpy as np
@@ -9,11 +10,20 @@ import pandas as pd
 import pytest
 from scipy.spatial.transform import Rotation
 
+from analytic import parts
 from analytic.hall import field_at
 from geometry.design import paper
-from studies.calibration import bench_file, calibrated_forces, press_plan, sensor_fit, simulated_bench
+from studies.calibration import (
+    bench_file,
+    calibrated_forces,
+    calibration_file,
+    press_plan,
+    sensor_fit,
+    simulated_bench,
+)
 from studies.parts.part_tolerances import tolerances
 from studies.parts.requirements import Requirements
+from studies.sensing import decode_readings
 from studies.sensitivity.made_sensors import made_sensors
 
 pytestmark = pytest.mark.calibrates
@@ -112,7 +122,7 @@ def test_a_rehearsal_goes_from_plan_to_decoded_forces(run, monkeypatch, tmp_path
     assert {path.name for path in (tmp_path / "bench").glob("[!.]*")} == {"plan.csv", "run.json"}
 
 
-def test_three_chips_are_pressed_and_fitted():
+def test_three_chips_are_pressed_and_fitted_and_reject_a_field(run):
     design, made = paper(**CHIPS), tolerances()
     plan = press_plan.plan(design, made, None, count=6)
     one = made_sensors(design, made, 1, 2)
@@ -123,6 +133,33 @@ def test_three_chips_are_pressed_and_fitted():
     off = np.abs(decoded.force - table[simulated_bench.TRUE].to_numpy())
     assert (off < 2 * decoded.half_width).all()
     assert off.max() < 0.03 * plan.needed.force_z
+    # the robot turns after the bench
+    names, field = list(table.columns[:9]), np.array([6e-5, -4e-5, 8e-5])
+    by_field = np.array([e.direction for e in parts.of_design(design)]) @ field
+    rejecting = dataclasses.replace(found, rejects_ambient=True)
+    fooled, right = (calibrated_forces.decode(f, measured[:, :9] + by_field, np.zeros(7)) for f in (found, rejecting))
+    assert np.abs(fooled.force - decoded.force).max() > np.abs(right.force - decoded.force).max()
+    off = np.abs(right.force - table[simulated_bench.TRUE].to_numpy())
+    assert (off < 2 * right.half_width).all()
+    # what was found without the field is that of the bench, and noise
+    still = calibrated_forces.decode(rejecting, measured[:, :9], np.zeros(7))
+    # by gains that are known to about a percent
+    assert np.allclose((right.ambient - still.ambient)[:, :3], 1e6 * field, rtol=0.03)
+    assert (np.abs(still.ambient[:, :3]) < 2 * still.ambient[:, 3:]).all()
+    # files, streams and lines of one reading say the same
+    Path("calibration.json").write_text(calibration_file.as_text(rejecting, plan.mechanics_source, None), "utf-8")
+    pd.DataFrame({"time_s": np.arange(7.0)} | dict(zip(names, (measured[:, :9] + by_field).T, strict=True))).to_csv(
+        "rows.csv", index=False
+    )
+    options = [text for key, value in CHIPS.items() for text in ("--set", f"{key}={value}")]
+    options += ["--calibration", "calibration.json", "--reject-ambient"]
+    for words in (["decode", "--file"], ["stream", "--speed", "0", "--port"]):
+        status, _, err = run(words[0], "paper", *words[1:], "rows.csv", *options, "--out", f"{words[0]}.csv")
+        assert status == 0, err
+        read = pd.read_csv(f"{words[0]}.csv")[decode_readings.AMBIENT_COLUMNS].to_numpy()
+        assert read == pytest.approx(right.ambient, rel=1e-4)
+    one = run("decode", "paper", "--readings", ",".join(map(str, measured[2, :9] + by_field)), *options, "--json")
+    assert json.loads(one[1])["ambient_uT"] == pytest.approx(right.ambient[2, :3])
 
 
 def test_a_plan_that_is_filled_in_is_a_bench(run, tmp_path):

@@ -62,7 +62,6 @@ class Forward:
     ----------
     elements : k elements.
     mode : "component" (readings B.n) or "magnitude" (readings |B|), as in `analytic.hall.readings`.
-    mix : weights (j, k) of the elements' readings in the j readings of the model; None for those of the elements.
     kernel : arguments of `read`: points at which the elements sample the field, relative to the magnet's centre at
         rest, mm, their directions n, and the element of each; one over the number of points of each element; tau and
         the mount; whether the mode is "magnitude"; radius and half height of the magnet, mm, and J, T; the series of
@@ -74,12 +73,6 @@ class Forward:
     tau: Tilt
     mode: Mode
     kernel: tuple[Any, ...]
-    mix: Array | None = None
-
-    @property
-    def count(self) -> int:
-        """Number of readings."""
-        return len(self.elements if self.mix is None else self.mix)
 
 
 def model(
@@ -89,7 +82,6 @@ def model(
     elements: Sequence[Element] | None = None,
     mode: Mode = "component",
     mount: Mount = CENTRED,
-    mix: Array | None = None,
 ) -> Forward:
     """Return the forward model of a design.
 
@@ -98,7 +90,6 @@ def model(
     tau : `NO_TILT` ignores the tilt, as the paper does.
     elements, mode : as in `analytic.hall.readings`.
     mount : of the magnet of a made sensor.
-    mix : as in `Forward`, for mode "component".
 
     Raises
     ------
@@ -117,21 +108,15 @@ def model(
         if 0 < z < design.L and x * x + y * y < design.R**2 - max(z - design.H, 0.0) ** 2:
             way = "larger l0 or f, smaller c" if design.hall_layout == "three" else "larger l0 or chip_x"
             raise BadInput(f"{element.name} lies inside the beam, at ({x:g}, {y:g}, {z:g}) mm: move it out ({way})")
-    return Forward(design, chosen, tau, mode, _kernel(design, chosen, (tau, *mount), mode, mix), mix)
+    return Forward(design, chosen, tau, mode, _kernel(design, chosen, (tau, *mount), mode))
 
 
 def _kernel(
-    design: Design, elements: Sequence[Element], motion: tuple[Tilt, Array, Array], mode: Mode, mix: Array | None
+    design: Design, elements: Sequence[Element], motion: tuple[Tilt, Array, Array], mode: Mode
 ) -> tuple[Any, ...]:
     points, owners = plates_of(elements)
     normals = np.array([element.direction for element in elements], dtype=np.float64)[owners]
     share = 1 / np.bincount(owners)
-    if mix is not None:
-        # each point belongs to all readings, with a normal as long as its weight; the field is computed once a point
-        weights = (mix * share)[:, owners].T
-        normals = (weights[..., None] * normals[:, None]).reshape(-1, 3)
-        points, owners = np.repeat(points, len(mix), axis=0), np.tile(np.arange(len(mix)), len(points))
-        share = np.ones(len(mix))
     radius, half = design.magnet_diameter / 2, design.magnet_height / 2
     series = cylinder_series(half / radius), disc_series()
     return (
@@ -155,7 +140,7 @@ def readings_with_slopes(forward: Forward, shift: Array) -> tuple[Array, Array]:
     BadInput
         A point of an element lies on the magnet's rim, where the field is infinite.
     """
-    n, k = shift.shape[1], forward.count
+    n, k = shift.shape[1], len(forward.elements)
     values, slopes = np.empty((n, k)), np.empty((n, k, 3))
     read(np.ascontiguousarray(shift.T), forward.kernel, values, slopes)
     _check(values)
@@ -164,7 +149,7 @@ def readings_with_slopes(forward: Forward, shift: Array) -> tuple[Array, Array]:
 
 def readings_at(forward: Forward, shift: Array) -> Array:
     """Return the readings of `readings_with_slopes` alone, shape (k, n), T."""
-    values = np.empty((shift.shape[1], forward.count))
+    values = np.empty((shift.shape[1], len(forward.elements)))
     read(np.ascontiguousarray(shift.T), forward.kernel, values, np.empty((0, 0, 3)))
     _check(values)
     return values.T
@@ -188,7 +173,7 @@ def slopes_at(design: Design, shift: Vector, tilt: tuple[float, float]) -> tuple
     if not design.shape.has_magnet:
         raise BadInput("this design has no magnet (magnet_diameter is 0), so there are no readings: give it a magnet")
     elements = of_design(design)
-    kernel = _kernel(design, elements, (NO_TILT, *CENTRED), "component", None)
+    kernel = _kernel(design, elements, (NO_TILT, *CENTRED), "component")
     values, by_shift, by_turn = np.empty((1, len(elements))), *np.empty((2, 1, len(elements), 3))
     upright = np.array([0.0, 0.0, 1.0])
     read_poses(np.array([shift], dtype=float), rotated(upright, np.array([tilt])), kernel, values, by_shift, by_turn)

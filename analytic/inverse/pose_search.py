@@ -4,7 +4,8 @@ The table. A grid over the workspace divides it into cells. In each cell a linea
 to the corners, so the image of the cell in the space of readings is a parallelepiped. Several poses can have the same
 readings; then several parallelepipeds contain the point of these readings, and each gives one start. Adjacent
 parallelepipeds leave gaps and overlap, so each is enlarged by a margin. More than three readings are projected onto
-the three directions in which they vary most over the workspace.
+the three directions in which they vary most over the workspace. Where an ambient field is rejected
+(`analytic.inverse.ambient_field`), readings and slopes count less what a uniform field explains.
 
 On a fold det J = 0, with J = dB/ds, and two poses merge; close to it a linear map finds neither of them. A cell whose
 corners differ in the sign of det J is therefore replaced by its parts, which are cells of their own. A part whose
@@ -91,6 +92,7 @@ class Goal(NamedTuple):
     reach : farthest that the iteration moves from a start of the table, mm.
     D : diameter of the beam, the unit of lengths, mm.
     rails : fields at which each element's output lies at its lower and at its upper rail, shape (k, 2), T.
+    free : M of `analytic.inverse.ambient_field`, shape (k, k); empty where no ambient field is rejected.
     """
 
     low: Array
@@ -102,15 +104,19 @@ class Goal(NamedTuple):
     reach: float
     D: float
     rails: Array
+    free: Array
 
 
-def start_table(forward: Forward, low: Array, high: Array, counts: tuple[int, int, int]) -> tuple[StartTable, Array]:
+def start_table(
+    forward: Forward, low: Array, high: Array, counts: tuple[int, int, int], free: Array
+) -> tuple[StartTable, Array]:
     """Return the table over a box of shifts, and the range of each element's readings over its grid, shape (k,), T.
 
     Parameters
     ----------
     low, high : of the box, shape (3,), mm.
     counts : number of cells along x, y and z.
+    free : as in `Goal`; the range is then that of what it leaves of the readings.
 
     Raises
     ------
@@ -119,10 +125,12 @@ def start_table(forward: Forward, low: Array, high: Array, counts: tuple[int, in
     """
     edge = (high - low) / counts
     readings, slopes = readings_with_slopes(forward, (low + edge * _nodes(counts)).T.copy())
-    basis = np.eye(3)
+    basis, told = np.eye(3), free @ readings if len(free) else readings
     if len(readings) > 3:
-        spread = readings - readings.mean(axis=1, keepdims=True)
+        spread = told - told.mean(axis=1, keepdims=True)
         basis = np.linalg.svd(spread @ spread.T)[0].T[:3].copy()
+    if len(free):
+        basis = basis @ free
     corners, sign, centre = _cells(basis, readings, slopes, low[None], edge, counts)
     folded = (sign != sign[:, :1]).any(axis=1)
     first, fine = centre[folded] - edge / 2, edge / PARTS
@@ -151,7 +159,7 @@ def start_table(forward: Forward, low: Array, high: Array, counts: tuple[int, in
         corners=np.einsum("mij,mcj->mci", maps[~alike, :, :3], corners[~alike]) + maps[~alike, None, :, 3],
         corner_sign=sign[~alike],
     )
-    return table, np.ptp(readings, axis=1)
+    return table, np.ptp(told, axis=1)
 
 
 def _nodes(counts: tuple[int, ...]) -> Array:
@@ -304,7 +312,7 @@ def newton(start, reach, field, kernel, goal):
     for j in range(3):
         s[0, j] = min(max(start[j], goal.floor[j]), goal.roof[j])
     mu, last = 0.0, math.inf
-    size = misfit_of(s, field, kernel, goal.weights, f, A)
+    size = misfit_of(s, field, kernel, goal, f, A)
     # those of the last six evaluations; near a double root, the slowest case, each full step brings it to a quarter
     sizes = np.full(6, size)
     # the estimated error at which the iteration ends: far below `SAME`, far above rounding
@@ -317,7 +325,7 @@ def newton(start, reach, field, kernel, goal):
         if size == 0 or (mu == 0 and (length < 1e-3 * exact or (last < math.inf and error < exact))):
             for j in range(3):
                 s[0, j] += p[j]
-            misfit_of(s, field, kernel, goal.weights, f, A)
+            misfit_of(s, field, kernel, goal, f, A)
             return POSE if fits(f[0], A[0], goal) else MISFIT, s, A
         if not size < math.inf or (mu > 0 and length < short):
             break
@@ -330,7 +338,7 @@ def newton(start, reach, field, kernel, goal):
         share = min(1.0, goal.D / 16 / length) if length > 0 else 1.0
         for j in range(3):
             trial[0, j] = min(max(s[0, j] + share * p[j], goal.floor[j]), goal.roof[j])
-        size_there = misfit_of(trial, field, kernel, goal.weights, g, B)
+        size_there = misfit_of(trial, field, kernel, goal, g, B)
         if size_there < size or (length < short and size_there <= 4 * size + 1e-30):
             s, trial, f, g, A, B = trial, s, g, f, B, A
             size, last = size_there, length
@@ -341,7 +349,7 @@ def newton(start, reach, field, kernel, goal):
 
 
 @compiled
-def misfit_of(shift, field, kernel, weights, f, A):
+def misfit_of(shift, field, kernel, goal, f, A):
     """Fill f and A with the misfit, T, and slopes, T/mm, at a shift (1, 3); return the sum of weighted squares.
 
     It is infinite where the field is not defined.
@@ -350,8 +358,23 @@ def misfit_of(shift, field, kernel, weights, f, A):
     total = 0.0
     for i in range(len(field)):
         f[0, i] -= field[i]
-        total += (weights[i] * f[0, i]) ** 2
+    if len(goal.free):
+        take_field_off(goal.free, f[0], A[0])
+    for i in range(len(field)):
+        total += (goal.weights[i] * f[0, i]) ** 2
     return math.inf if math.isnan(total) else total
+
+
+@compiled
+def take_field_off(free, f, A):
+    """Take off a misfit (k,) and its slopes (k, 3) what a uniform field explains."""
+    whole, slopes = f.copy(), A.copy()
+    f[:], A[:] = 0.0, 0.0
+    for i in range(len(f)):
+        for k in range(len(f)):
+            f[i] += free[i, k] * whole[k]
+            for j in range(3):
+                A[i, j] += free[i, k] * slopes[k, j]
 
 
 @compiled

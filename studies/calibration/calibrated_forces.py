@@ -6,7 +6,9 @@ theta moves the shift s that explains the readings best, so that the decoded for
     dF = (dF/dtheta - dF/ds A^-1 J' W dr/dtheta) dtheta,     A = J' W J,   J = dr/ds,
 
 with readings r and their weights W, and by the readings' noise, with the variance dF/ds A^-1 dF/ds'. A temperature T
-that is not known (NaN) is taken for T_0, and moves the force in the same way, by dr/dT times `UNKNOWN`. Polynomials
+that is not known (NaN) is taken for T_0, and moves the force in the same way, by dr/dT times `UNKNOWN`. Where an
+ambient field is rejected, readings and slopes count less what a uniform field explains
+(`analytic.inverse.ambient_field`), and the field that is found is what it has beyond that of the bench. Polynomials
 of the mechanics add half of their largest errors at the samples.
 """
 
@@ -23,10 +25,13 @@ import numpy as np
 from analytic import decode as decoding
 from analytic import parts
 from analytic.decode import Decoder, Status, decoder
+from analytic.inverse import ambient_field
 from analytic.inverse.forward_model import rotation
 from analytic.inverse.response_surface import Mechanics, force_and_load, shifts_of_forces, workspace
 from geometry.arrays import Array
-from studies.calibration.sensor_fit import QUANTILE, Fit, Sensor, condensed, linearised, settle_shifts, slopes_of
+from studies.calibration.sensor_fit import Fit, Sensor, condensed, linearised, settle_shifts, slopes_of
+from studies.sensing import decode_readings
+from studies.sensing.decode_readings import QUANTILE
 
 UNKNOWN = 20.0
 """Standard deviation of a temperature that is not known, K: 90 % of sensors in use are within 33 K of T_0."""
@@ -44,6 +49,7 @@ class DecodedForces:
     force, half_width : (n, 3) N, and half of the 90 % interval; NaN without a force.
     shift : (n, 3) mm.
     load : (n, 3) depth and shears of the plate, mm.
+    ambient : columns `decode_readings.AMBIENT_COLUMNS` (n, 6); (n, 0) where no field is rejected.
     """
 
     status: list[Status]
@@ -51,6 +57,7 @@ class DecodedForces:
     half_width: Array
     shift: Array
     load: Array
+    ambient: Array
 
 
 @functools.lru_cache(maxsize=4)
@@ -88,6 +95,7 @@ def coder_of(found: Fit, *, warm: bool = True) -> Decoder:
         elements=elements,
         deviation=np.hypot(unknown, math.sqrt(found.growth) * sensor.noise) / np.abs(gains),
         mount=(made.magnet_offset[0], made.magnet_tilt[0]),
+        reject_ambient=found.rejects_ambient,
     )
 
 
@@ -145,11 +153,36 @@ def decode(found: Fit, readings: Array, warmer: Array, offset: Array | None = No
     coder = coder_of(found, warm=bool(np.isfinite(warmer).all()))
     nowhere = np.array([-math.inf, math.inf]) * np.ones((len(coder.sigma), 1))
     coder = dataclasses.replace(coder, goal=coder.goal._replace(rails=nowhere))
-    answer = decoding.decode(coder, fields_of(found, readings, warmer) + (0.0 if offset is None else offset))
+    fields = fields_of(found, readings, warmer) + (0.0 if offset is None else offset)
+    answer = decoding.decode(coder, fields)
     half, known = np.full_like(answer.force, np.nan), np.isfinite(answer.force).all(axis=1)
     zeroed = offset is not None
     (half[known],) = intervals(found, [found.covariance], answer.shift[known], warmer[known], zeroed=zeroed)
-    return DecodedForces(answer.status, answer.force, half, answer.shift, answer.load)
+    ambient = ambient_columns(found, fields, answer.shift, warmer, zeroed=zeroed)
+    return DecodedForces(answer.status, answer.force, half, answer.shift, answer.load, ambient)
+
+
+def ambient_columns(found: Fit, fields: Array, shift: Array, warmer: Array, *, zeroed: bool) -> Array:
+    """Return `decode_readings.AMBIENT_COLUMNS` (n, 6) of fields of the magnet (n, k), T, and shifts (n, 3) decoded
+    from them; (n, 0) where no field is rejected. Half widths are by the noise and by what is left unknown."""
+    columns = decode_readings.ambient_columns(coder_of(found), fields, shift)
+    known = np.isfinite(shift[:, 2])
+    if not columns.shape[1] or not known.any():
+        return columns
+    sensor, free, at, count = found.sensor, found.sensor.unknowns.free, shift[known], len(found.sensor.noise)
+    fit, cold = _field_fit(found), np.nan_to_num(warmer[known])
+    by_shift, moves, by_theta = _moves(found, at, cold, zeroed=zeroed)
+    errors = fit @ (by_theta[:, :count] - by_shift[:, :count] @ moves)
+    variance = np.einsum("nip,pq,niq->ni", errors[..., :-1], found.covariance[np.ix_(free, free)], errors[..., :-1])
+    variance[np.isnan(warmer[known])] += np.square(UNKNOWN * errors[np.isnan(warmer[known]), :, -1])
+    # a reading changes the field by itself, and by the pose that follows from it
+    Js, noise = _weighted(found, by_shift[:, :count]), np.diag(sensor.noise)
+    by_noise = fit @ (
+        noise - by_shift[:, :count] @ np.linalg.solve(_normal(Js), Js.swapaxes(1, 2) @ _weighted(found, noise))
+    )
+    variance += found.growth * np.square(by_noise).sum(axis=2)
+    columns[known, 3:] = 1e6 * QUANTILE * np.sqrt(variance)
+    return columns
 
 
 def intervals(
@@ -196,34 +229,70 @@ def _variances(found: Fit, shift: Array, warmer: Array, *, zeroed: bool) -> tupl
     (n, 3), N^2: by noise and an unknown temperature, and by what the mechanics miss."""
     cold, errors = np.isnan(warmer), found.sensor.mechanics.errors
     warmer = np.nan_to_num(warmer)
-    slope, by_K, noise = _decoding_slopes(found.sensor, found.theta, shift, warmer, zeroed=zeroed)
+    slope, by_K, noise = _decoding_slopes(found, shift, warmer, zeroed=zeroed)
     noise = found.growth * noise
     noise[cold] += np.square(UNKNOWN * by_K[cold])
     missed = np.square(np.array([errors[1], errors[1], errors[2]]) / 2)
     return slope, noise, np.broadcast_to(missed, noise.shape)
 
 
-def _decoding_slopes(
-    sensor: Sensor, theta: Array, shift: Array, warmer: Array, *, zeroed: bool
-) -> tuple[Array, Array, Array]:
+def _decoding_slopes(found: Fit, shift: Array, warmer: Array, *, zeroed: bool) -> tuple[Array, Array, Array]:
     """Return, of the force that readings at shifts (n, 3) give: slopes by free unknowns (n, 3, f) and by the
     temperature (n, 3), N/K, and variances (n, 3) by the readings' noise."""
-    free, count = sensor.unknowns.free, len(sensor.noise)
+    count = len(found.sensor.noise)
+    by_shift, moves, by_theta = _moves(found, shift, warmer, zeroed=zeroed)
+    Js = _weighted(found, by_shift[:, :count])
+    by_shift, by_theta = (each[:, count : count + 3] for each in (by_shift, by_theta))
+    slope = by_theta - np.einsum("nfi,nip->nfp", by_shift, moves)
+    return (
+        slope[..., :-1],
+        slope[..., -1],
+        np.einsum("nfi,nij,nfj->nf", by_shift, np.linalg.inv(_normal(Js)), by_shift),
+    )
+
+
+def _moves(found: Fit, shift: Array, warmer: Array, *, zeroed: bool) -> tuple[Array, Array, Array]:
+    """Return slopes of predictions by shifts (n, m, 3), of the decoded shift by free unknowns and the temperature
+    (n, 3, f + 1), and of predictions by these (n, m, f + 1)."""
+    sensor, theta, count = found.sensor, found.theta, len(found.sensor.noise)
 
     def slopes(at: Array) -> tuple[Array, Array]:
-        _, by_shift, by_theta = slopes_of(sensor, theta, at, warmer, free)
+        _, by_shift, by_theta = slopes_of(sensor, theta, at, warmer, sensor.unknowns.free)
         return by_shift, np.concatenate([by_theta, _by_temperature(sensor, theta, at, warmer)[..., None]], axis=2)
 
     by_shift, by_theta = slopes(shift)
     if zeroed:
         by_theta[:, :count] -= slopes(np.zeros_like(shift))[1][:, :count]
-    Js, Jt = (each[:, :count] / sensor.noise[:, None] for each in (by_shift, by_theta))
-    by_shift, by_theta = (each[:, count : count + 3] for each in (by_shift, by_theta))
-    A = np.einsum("nmi,nmj->nij", Js, Js)
-    A += 1e-12 * (1 + np.trace(A, axis1=1, axis2=2))[:, None, None] * np.eye(3)
-    moves = np.linalg.solve(A, np.einsum("nmi,nmp->nip", Js, Jt))
-    slope = by_theta - np.einsum("nfi,nip->nfp", by_shift, moves)
-    return slope[..., :-1], slope[..., -1], np.einsum("nfi,nij,nfj->nf", by_shift, np.linalg.inv(A), by_shift)
+    Js, Jt = (_weighted(found, each[:, :count]) for each in (by_shift, by_theta))
+    return by_shift, np.linalg.solve(_normal(Js), np.einsum("nmi,nmp->nip", Js, Jt)), by_theta
+
+
+def _normal(J: Array) -> Array:
+    """Return J'J (n, 3, 3) of weighted slopes (n, k, 3)."""
+    A = np.einsum("nmi,nmj->nij", J, J)
+    return np.asarray(A + 1e-12 * (1 + np.trace(A, axis1=1, axis2=2))[:, None, None] * np.eye(3))
+
+
+def _weighted(found: Fit, slopes: Array) -> Array:
+    """Return slopes (..., k, p) of readings over their noise, without what a uniform field explains if one is
+    rejected."""
+    if found.rejects_ambient:
+        by_field = _gains(found)[:, None] * ambient_field.directions(parts.of_design(found.sensor.design))
+        slopes = slopes - by_field @ (_field_fit(found) @ slopes)
+    return np.asarray(slopes / found.sensor.noise[:, None])
+
+
+def _field_fit(found: Fit) -> Array:
+    """Return (3, k) the uniform field, T, that fits misfits of readings in the elements' unit best."""
+    gains = _gains(found)
+    weights = np.abs(gains) / found.sensor.noise
+    return ambient_field.field_fit(parts.of_design(found.sensor.design), weights / weights.max()) / gains
+
+
+def _gains(found: Fit) -> Array:
+    elements = parts.of_design(found.sensor.design)
+    gain = found.sensor.vector(found.theta, "gain", parts.columns(elements))
+    return np.asarray(gain * np.array([element.gain for element in elements]))
 
 
 def _by_temperature(sensor: Sensor, theta: Array, shift: Array, warmer: Array) -> Array:
@@ -247,8 +316,8 @@ def force_errors(found: Fit, shift: Array, count: int, rng: np.random.Generator)
 
     Each of `count` sensors has one error of the unknowns for all shifts; noise of the readings is left out.
     """
-    sensor, free, warmer = found.sensor, found.sensor.unknowns.free, np.zeros(len(shift))
-    slope, _, _ = _decoding_slopes(sensor, found.theta, shift, warmer, zeroed=False)
+    free, warmer = found.sensor.unknowns.free, np.zeros(len(shift))
+    slope, _, _ = _decoding_slopes(found, shift, warmer, zeroed=False)
     covariance = found.covariance[np.ix_(free, free)]
     draws = rng.multivariate_normal(np.zeros(len(free)), covariance, count, method="eigh")
     return np.asarray(np.einsum("nfp,sp->snf", slope, draws))
@@ -273,7 +342,8 @@ def zero_doubts(found: Fit, offset: Array, *, warm: bool) -> list[str]:
     warm : whether the temperatures of the readings are known.
     """
     coder = coder_of(found, warm=warm)
-    far = np.abs(offset) > coder.goal.tolerance
+    # a uniform field is none of the sensor's doubts where it is rejected
+    far = np.abs(coder.goal.free @ offset if found.rejects_ambient else offset) > coder.goal.tolerance
     said = [
         f"{element.name} by {1e3 * abs(moved):.2g} mT ({1e3 * most:.2g} mT)"
         for element, moved, most, is_far in zip(

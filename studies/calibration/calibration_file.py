@@ -29,7 +29,7 @@ from geometry.design import OF_TIME, BadInput, Design
 from geometry.loads import Load, check_load
 from studies.calibration import bench_file, calibrated_forces, force_regression
 from studies.calibration.force_regression import Regression
-from studies.calibration.sensor_fit import QUANTILE, Fit, Sensor, Unknowns
+from studies.calibration.sensor_fit import Fit, Sensor, Unknowns
 from studies.inputs.option_groups import Decoding, Pose, Reading
 from studies.inputs.table_input import COLDEST, HOTTEST, numbers_of
 from studies.inputs.user_input import parse_numbers
@@ -39,6 +39,7 @@ from studies.output.bounded_files import json_object
 from studies.output.figures import table_of
 from studies.output.result import Result, of_record
 from studies.sensing import decode_readings, field_readings
+from studies.sensing.decode_readings import QUANTILE
 
 if TYPE_CHECKING:
     from studies.output.records import FlatRow
@@ -191,7 +192,7 @@ def _fit_of(record: dict[str, Any]) -> Fit:
     return Fit(sensor, theta, covariance, nothing, nothing, growth, 1.0)
 
 
-def of_design(path: Path, design: Design) -> Fit:
+def of_design(path: Path, design: Design, *, reject_ambient: bool = False) -> Fit:
     """Read calibration.json for its nominal design, or the design.toml beside it, whose fields of time it takes.
 
     Raises
@@ -199,30 +200,35 @@ def of_design(path: Path, design: Design) -> Fit:
     BadInput
         The file is no calibration by a model, or one of another design.
     """
-    return _for_design(path, read(path), design)
+    return _for_design(path, read(path), design, reject_ambient=reject_ambient)
 
 
-def decoder_of(path: Path, design: Design) -> Fit | Regression:
+def decoder_of(path: Path, design: Design, *, reject_ambient: bool = False) -> Fit | Regression:
     """Read calibration.json, of a model or of a regression, as `of_design` does."""
     found = read_any(path)
     if isinstance(found, Fit):
-        return _for_design(path, found, design)
+        return _for_design(path, found, design, reject_ambient=reject_ambient)
+    if reject_ambient:
+        raise BadInput(
+            f"{path} is a regression, which knows no field beside its bench's, so --reject-ambient cannot be: "
+            "calibrate by the model (calibrate --decoder model), or leave it out"
+        )
     _check_design(path, design, found.design, found.design)
     return dataclasses.replace(found, design=design)
 
 
-def regression_of(path: Path, design: Design) -> Regression:
+def regression_of(path: Path, design: Design, *, reject_ambient: bool = False) -> Regression:
     """Read calibration.json of a regression, as `decoder_of` does."""
-    found = decoder_of(path, design)
+    found = decoder_of(path, design, reject_ambient=reject_ambient)
     assert isinstance(found, Regression)
     return found
 
 
-def _for_design(path: Path, found: Fit, design: Design) -> Fit:
+def _for_design(path: Path, found: Fit, design: Design, *, reject_ambient: bool) -> Fit:
     _check_design(path, design, found.sensor.design, found.design)
     time = {name: getattr(design, name) for name in OF_TIME}
     sensor = dataclasses.replace(found.sensor, design=dataclasses.replace(found.sensor.design, **time))
-    return dataclasses.replace(found, sensor=sensor)
+    return dataclasses.replace(found, sensor=sensor, rejects_ambient=reject_ambient)
 
 
 def _check_design(path: Path, design: Design, *calibrated: Design) -> None:
@@ -357,6 +363,8 @@ DECODED = (
     ),
 )
 """Columns that decoding by a calibration adds: force, half of its 90 % interval, shift of the magnet."""
+ADDED = {*DECODED, *decode_readings.TIME_COLUMNS, *decode_readings.AMBIENT_COLUMNS}
+"""Those that it may add."""
 
 
 def decoded_rows(
@@ -368,7 +376,7 @@ def decoded_rows(
 
     offset : of a zero, see `decoded_arrays`.
     """
-    words, force, half, shift, load = decoded_arrays(found, readings, warmer, offset)
+    words, force, half, shift, load, ambient = decoded_arrays(found, readings, warmer, offset)
     columns, numbers = DECODED, [force, half, shift]
     if times is not None:
         coder, field = calibrated_forces.coder_of(found), calibrated_forces.fields_of(found, readings, warmer)
@@ -382,6 +390,7 @@ def decoded_rows(
             relaxing,
         ]
         columns = (*DECODED, *decode_readings.TIME_COLUMNS)
+    columns, numbers = (*columns, *decode_readings.AMBIENT_COLUMNS[: ambient.shape[1]]), [*numbers, ambient]
     return [
         dict(zip(columns, (word, *row), strict=True))
         for word, row in zip(words, np.hstack(numbers).tolist(), strict=True)
@@ -390,17 +399,19 @@ def decoded_rows(
 
 def decoded_arrays(
     found: Fit, readings: Array, warmer: Array, offset: Array | None = None
-) -> tuple[list[Any], Array, Array, Array, Array]:
-    """Return status, force of slow loading, half of its interval, shift and load (n, 3) of readings (n, k).
+) -> tuple[list[Any], Array, Array, Array, Array, Array]:
+    """Return status, force of slow loading, half of its interval, shift and load (n, 3) of readings (n, k), and
+    `decode_readings.AMBIENT_COLUMNS`, (n, 6), or (n, 0) where no field is rejected.
 
     offset : (k,), T, if a zero was taken: it moves readings, but not the rails of the elements.
     """
     answer = calibrated_forces.decode(found, readings, warmer, offset)
     full = np.asarray(at_rails(found.sensor.design, readings).any(axis=1))
-    force, half, shift, load = (
-        np.where(full[:, None], np.nan, each) for each in (answer.force, answer.half_width, answer.shift, answer.load)
+    force, half, shift, load, ambient = (
+        np.where(full[:, None], np.nan, each)
+        for each in (answer.force, answer.half_width, answer.shift, answer.load, answer.ambient)
     )
-    return np.where(full, "saturated", answer.status).tolist(), force, half, shift, load
+    return np.where(full, "saturated", answer.status).tolist(), force, half, shift, load, ambient
 
 
 def regressed_rows(
@@ -559,6 +570,7 @@ def _decode_one(found: Fit | Regression, design: Design, text: str, temperature:
         record["temperature_C"] = temperature
     for name, unit in (("force", "N"), ("half_width", "N"), ("shift", "mm")):
         record[f"{name}_{unit}"] = [row[f"{name}_{axis}_{unit}"] for axis in "xyz"]
+    record |= decode_readings.ambient_record([row[n] for n in decode_readings.AMBIENT_COLUMNS if n in row])
     lost = [] if row["status"] == "ok" else [record["message"]]
     return Result(title="Decoded", records=[record], remarks=said, failures=lost)
 
@@ -582,14 +594,14 @@ def decode(design: Design, decoding: Decoding, out: Path | None, *, as_json: boo
     ):
         if given:
             raise BadInput(f"{option} has no place beside --calibration, which fixes it: leave it out")
-    found = decoder_of(path, design)
+    found = decoder_of(path, design, reject_ambient=decoding.reject_ambient)
     warmth = given_temperature(found, decoding.temperature)
     if decoding.readings is not None:
         return _decode_one(found, design, decoding.readings, warmth)
     assert decoding.file is not None
     target = None if out is None else atomic_files.check_output_file(out, ".csv")
     raw, numbers, times, temperature = bench_file.read_readings(decoding.file, design)
-    if added := [name for name in raw.columns if name in (*DECODED, *decode_readings.TIME_COLUMNS)]:
+    if added := [name for name in raw.columns if name in ADDED]:
         raise BadInput(f"{decoding.file} has a column {added[0]} already, which decoding adds: rename or delete it")
     if not math.isnan(warmth):
         if np.isfinite(temperature).any():

@@ -39,6 +39,7 @@ from studies.output.figures import FREE, LOG, Figure, panels, rule, save, styles
 from studies.output.result import Result, Rows, Table
 from studies.parts.part_tolerances import Tolerances
 from studies.parts.requirements import LIGHTEST, Requirements, design_table, full_scale
+from studies.sensing.decode_readings import QUANTILE
 from studies.simulation import mechanics_sources
 
 if TYPE_CHECKING:
@@ -213,7 +214,7 @@ def held_out(
                     table.append(score)
         force[test] = decoded.force
         inside = np.abs(decoded.force - truth[test]) <= np.hypot(
-            decoded.half_width, sensor_fit.QUANTILE * sensor.force_errors(truth[test])
+            decoded.half_width, QUANTILE * sensor.force_errors(truth[test])
         )
         known = np.isfinite(decoded.force) & np.isfinite(truth[test])
         table[-len(METHODS)]["inside_percent"] = 100 * float(inside[known].mean()) if known.any() else math.nan

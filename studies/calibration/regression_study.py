@@ -19,13 +19,13 @@ from geometry.design import BadInput, Design
 from studies.calibration import calibration_file, force_regression
 from studies.calibration.bench_file import FORCES, Bench
 from studies.calibration.force_regression import AXES, KINDS, HeldOut, Regression
-from studies.calibration.sensor_fit import QUANTILE
 from studies.inputs.user_input import design_text
 from studies.output import page_templates
 from studies.output.atomic_files import write_text
 from studies.output.figures import Figure, save
 from studies.output.result import Result, Rows, Table
 from studies.parts.requirements import Requirements, design_table
+from studies.sensing.decode_readings import QUANTILE
 
 if TYPE_CHECKING:
     from studies.output.records import FlatRow

@@ -48,6 +48,7 @@ from geometry.arrays import Array, Ints
 from geometry.design import LEAST_WALL, BadInput, Design
 from studies.calibration.bench_file import FORCES, MOTIONS, Bench
 from studies.parts.part_tolerances import Tolerances, standard_deviation
+from studies.sensing.decode_readings import QUANTILE
 from studies.sensitivity.made_sensors import MadeSensors, made_readings
 
 STEPS, LARGEST_STEP, SETTLED = 40, 0.05, 1e-7
@@ -68,8 +69,6 @@ MOST_DAMPED = 1e3
 """Damping at which a row that still finds no better shift is at its best one."""
 GRID, FEW_SHIFTS = (9, 9, 12), 40
 """Shifts along x, y and z among which each row starts, and number of them at which the effect of priors is taken."""
-QUANTILE = 1.6449
-"""Half width of a 90 % interval of a normal distribution over its standard deviation."""
 AMBIENT, STAND_ZERO, STAND_COMPLIANCE = 5e-5, 0.3, 0.01
 """Standard deviations of priors: ambient field (T, as the earth's), zero (mm) and compliance (mm/N) of the stand."""
 FARTHEST = 30.0
@@ -353,6 +352,8 @@ class Fit:
     chi2, freedom : sum of the squared residuals, and its mean for the stated errors: the number of what was measured
         less three shifts in each row, and less tr(C S) that the unknowns take up, where S is the rows' part of the
         system whose inverse is C.
+    rejects_ambient : whether readings are decoded with a uniform field as three more unknowns, beside that of the
+        bench.
     """
 
     sensor: Sensor
@@ -362,6 +363,7 @@ class Fit:
     residual: Array
     chi2: float
     freedom: float
+    rejects_ambient: bool = False
 
     @property
     def growth(self) -> float:

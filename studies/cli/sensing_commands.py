@@ -12,7 +12,7 @@ from cyclopts import Parameter
 from geometry.design import BadInput
 from studies.cli.parameters import Call, verb
 from studies.inputs import option_groups
-from studies.inputs.option_groups import Basis, Calibration, LayoutParts, LoadSource, Pose, TiltSource, Tolerances
+from studies.inputs.option_groups import Basis, Calibration, LayoutParts, Pose, TiltSource
 from studies.inputs.user_input import say_no_effect
 from studies.output import atomic_files, console
 from studies.output.result import GOOD, Destination, Result, of_record, publish, show
@@ -199,9 +199,6 @@ def decode(
         raise BadInput(f"{'--zero' if call.out is None else '--out'} works with --file only: leave it out")
     if decoding.temperature is not None and decoding.calibration is None:
         raise BadInput("--temperature works with --calibration only: leave it out")
-    others = {"--zero": decoding.zero, "--calibration": decoding.calibration, "--mcap": mcap}
-    if decoding.reject_ambient and (given := [name for name, value in others.items() if value is not None]):
-        raise BadInput(f"--reject-ambient does not work with {given[0]} yet: leave one of them out")
     atomic_files.check_apart([call.out, mcap], [call.source, file, decoding.responses, decoding.calibration])
     design = call.design()
     if mcap is not None:
@@ -294,11 +291,7 @@ def firmware(
     call: Call,
     *,
     out: Path,
-    flash: str = "64k",
-    level: LoadSource | None = None,
-    responses: Path | None = None,
-    tolerances: Tolerances | None = None,
-    calibration: Calibration | None = None,
+    exporting: option_groups.Exporting = option_groups.Exporting(),
     ros2: bool = False,
 ) -> int:
     """Export the decoder of a design as a C header for a microcontroller, in an Arduino library with test vectors.
@@ -307,13 +300,6 @@ def firmware(
     ----------
     out
         Folder of the library: src/magtip_decoder.h, library.properties, examples, extras/test_vectors.csv.
-    flash
-        Largest size of decoder and tables on a Cortex-M4F, bytes or 64k; a smaller one makes the tables coarser, and
-        the result and the header say what this costs.
-    responses
-        File of states printed by `magtip solve --json`, one per line, for tilt and load instead of formulas.
-    tolerances
-        NAME=VALUE: largest deviation of a built sensor, as in `decode`, for the status uncalibrated; repeatable.
     ros2
         Also write a ROS 2 package, ros2/magtip_sensor, whose node publishes what magtip stream decodes.
     """
@@ -323,20 +309,19 @@ def firmware(
     from studies.parts.requirements import stated_requirements
     from studies.streaming import ros2_package
 
-    inputs = [responses, calibration]
-    here = call.here((*decoder_export.FILES, *ros2_package.FILES), inputs)
-    if calibration is not None and (level or responses or tolerances):
+    calibration = exporting.calibration
+    here = call.here((*decoder_export.FILES, *ros2_package.FILES), [exporting.responses, calibration])
+    if calibration is not None and (exporting.level or exporting.responses or exporting.tolerances):
         raise BadInput("--calibration gives mechanics and sensor: leave --level, --responses and --tolerance out")
-    decoder_export.bytes_of(flash)
+    decoder_export.bytes_of(exporting.flash)
     design = call.design()
-    made, needed = parse_tolerances(tolerances or [], design, call.source), stated_requirements(call.source)
+    made = parse_tolerances(exporting.tolerances or [], design, call.source)
+    needed = stated_requirements(call.source)
     more = ros2_package.files(design, calibration) if ros2 else {}
     if calibration is not None and calibration_file.holds_regression(calibration):
-        found = calibration_file.regression_of(calibration, design)
-        return publish(partial(regression_export.run, found, flash, needed, here.command, more), here)
-    study = partial(
-        decoder_export.run, design, level, responses, flash, made, calibration, needed, here.command, more
-    )
+        found = calibration_file.regression_of(calibration, design, reject_ambient=exporting.reject_ambient)
+        return publish(partial(regression_export.run, found, exporting.flash, needed, here.command, more), here)
+    study = partial(decoder_export.run, design, exporting, made, needed, here.command, more)
     return publish(study, here)
 
 

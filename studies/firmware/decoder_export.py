@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analytic import time_series
-from analytic.decode import Decoder, decode, decoder, field_of, spread
+from analytic.decode import Decoder, ambient_of, decode, decoder, field_of, spread
 from analytic.inverse import pose_search
 from analytic.inverse.forward_model import readings_at, readings_with_slopes
 from analytic.inverse.response_surface import force_and_load, forces, shifts_of_forces
@@ -32,6 +32,7 @@ from geometry.design_digest import digest
 from geometry.messages import Progress
 from studies.firmware import decoder_tables
 from studies.firmware.decoder_tables import Tables
+from studies.inputs.option_groups import Exporting
 from studies.inputs.table_input import COLDEST, HOTTEST
 from studies.inputs.user_input import design_text
 from studies.output import page_templates
@@ -40,6 +41,7 @@ from studies.output.result import Result, Table, Writer
 from studies.parts.part_tolerances import Tolerances, tolerances
 from studies.parts.requirements import Requirements, full_scale
 from studies.sensing import decode_readings
+from studies.sensing.decode_readings import QUANTILE
 from studies.sensitivity import decode_tolerances
 from studies.simulation import mechanics_sources
 
@@ -58,9 +60,9 @@ SIZES = (
     *(((6, 6, 4), 16), ((6, 6, 4), 12), ((6, 6, 4), 10), ((5, 5, 3), 12), ((5, 5, 3), 10)),
 )
 """Cells of the grid of starts, and coefficients of the field along r and z; the first that fit are taken."""
-CODE, CALIBRATED_CODE, WARM_CODE = 10_300, 450, 900
+CODE, CALIBRATED_CODE, WARM_CODE, REJECTING_CODE = 10_300, 450, 900, 400
 """Bytes beside the tables of a program for a Cortex-M4F with -Os, functions of math.h included (results/devices);
-those of a calibration's intervals, and of its temperature."""
+those of a calibration's intervals, of its temperature, and of an ambient field."""
 MOST_FLASH = 1_000_000
 WORST = 0.5
 """Largest error of the force by the tables, % of full scale, with which a header is written."""
@@ -77,7 +79,6 @@ TRIED = 2000
 """Random poses of the workspace of which test vectors are taken: of the required loads they may be few."""
 REACH = 1.2
 """Farthest that the iteration moves from a start, over the diagonal of a cell."""
-QUANTILE = 1.6449
 EXAMPLES = {"three": "AnalogElements", "mlx90393": "MLX90393", "tlv493d": "TLx493D", "tle493d": "TLx493D",
             "tli493d": "TLx493D"}  # fmt: skip
 """Examples by the beginning of the layout's name."""
@@ -121,7 +122,7 @@ class Firmware:
 
     @property
     def code(self) -> int:
-        return code_of(calibrated=self.made is None, warm=self.is_warm)
+        return code_of(self.coder, calibrated=self.made is None, warm=self.is_warm)
 
     @property
     def is_warm(self) -> bool:
@@ -142,8 +143,9 @@ class Firmware:
         )
 
 
-def code_of(*, calibrated: bool, warm: bool) -> int:
-    return CODE + calibrated * CALIBRATED_CODE + warm * WARM_CODE
+def code_of(coder: Decoder, *, calibrated: bool, warm: bool) -> int:
+    rejects = coder.field_fit is not None
+    return CODE + calibrated * CALIBRATED_CODE + warm * WARM_CODE + rejects * REJECTING_CODE
 
 
 def bytes_of(text: str) -> int:
@@ -160,13 +162,7 @@ def bytes_of(text: str) -> int:
 
 
 def prepare(
-    design: Design,
-    level: str | None,
-    responses: Path | None,
-    flash: str,
-    made: Tolerances | None = None,
-    calibration: Path | None = None,
-    needed: Requirements | None = None,
+    design: Design, options: Exporting, made: Tolerances | None = None, needed: Requirements | None = None
 ) -> Firmware:
     """Return what the export of a design's decoder needs, with tables that fit into the flash.
 
@@ -175,13 +171,13 @@ def prepare(
     BadInput
         The design cannot be decoded, the flash is too small for it, or the calibration is of another design.
     """
-    room = bytes_of(flash)
-    if calibration is not None:
-        coder, unsure, warming = calibrated(design, calibration)
+    flash, room = options.flash, bytes_of(options.flash)
+    if options.calibration is not None:
+        coder, unsure, warming = calibrated(design, options.calibration, reject_ambient=options.reject_ambient)
         source, sizes, rest = "a calibration of this sensor", None, (np.zeros((len(coder.sigma),) * 2), 0.0)
     else:
-        chosen = mechanics_sources.source_of(design, level, responses)
-        coder, unsure, warming = decoder(design, chosen.law), None, {}
+        chosen = mechanics_sources.source_of(design, options.level, options.responses)
+        coder, unsure, warming = decoder(design, chosen.law, reject_ambient=options.reject_ambient), None, {}
         source = mechanics_sources.in_words(chosen)
         sizes = tolerances() if made is None else made
         at_rest = decode_tolerances.AtRest(coder, sizes)
@@ -225,7 +221,9 @@ def required_error(coder: Decoder, tables: Tables, needed: Requirements) -> floa
     return decoder_tables.errors_of(coder, tables, shift[:, np.isfinite(u)].reshape(-1, 3))[1]
 
 
-def calibrated(design: Design, path: Path) -> tuple[Decoder, Callable[[Array], Array], dict[str, Array]]:
+def calibrated(
+    design: Design, path: Path, *, reject_ambient: bool = False
+) -> tuple[Decoder, Callable[[Array], Array], dict[str, Array]]:
     """Return the decoder of a calibration, what this leaves unsure of the force (n, 3), N, at shifts (n, 3), and the
     constants of its temperature, if its bench had one.
 
@@ -233,7 +231,7 @@ def calibrated(design: Design, path: Path) -> tuple[Decoder, Callable[[Array], A
     """
     from studies.calibration import calibrated_forces, calibration_file
 
-    found = calibration_file.of_design(path, design)
+    found = calibration_file.of_design(path, design, reject_ambient=reject_ambient)
     thermal = calibration_file.is_thermal(found)
     # the temperature may not be known
     coder = calibrated_forces.coder_of(found, warm=not thermal)
@@ -254,6 +252,8 @@ def half_widths(coder: Decoder, sigma: Array, shift: Array) -> Array:
     assert law is not None
     fit = np.array([law.errors[1], law.errors[1], law.errors[2]]) / 2
     slopes, by_shift = readings_with_slopes(coder.forward, shift.T.copy())[1], forces(law, shift.T)[1]
+    if len(coder.goal.free):
+        slopes = np.einsum("ik,jkn->jin", coder.goal.free, slopes)
     noise = np.einsum("jin,jkn->nik", by_shift, spread(sigma, slopes))
     return np.asarray(QUANTILE * np.sqrt(np.square(noise).sum(axis=2) + fit**2))
 
@@ -283,7 +283,7 @@ def _fitting(
     warming: Mapping[str, Array],
 ) -> Tables:
     doubt = decode_readings.TENTH if coder.forward.design.prony else decode_readings.HALF
-    code = code_of(calibrated=unsure is not None, warm=bool(warming))
+    code = code_of(coder, calibrated=unsure is not None, warm=bool(warming))
     for cells, knots in SIZES:
         tables = decoder_tables.tables_of(coder, cells, (knots, knots), doubt, unsure, warming)
         if tables.size + code <= room:
@@ -295,7 +295,8 @@ def _fitting(
 
 
 def reference(coder: Decoder, made: Tolerances | None, outputs: Array, times: Array | None = None) -> dict[str, Any]:
-    """Return what Python decodes from outputs of the elements (n, 3): status, shift, tilt, force, poses.
+    """Return what Python decodes from outputs of the elements (n, 3): status, shift, tilt, force, poses; and the
+    field, T, of a decoder that rejects one (ambient).
 
     times : shape (n,), s; with them, the force is that of a silicone that relaxes.
     """
@@ -307,7 +308,10 @@ def reference(coder: Decoder, made: Tolerances | None, outputs: Array, times: Ar
         past = TimeSeries(coder)
         for k, row in enumerate(zip(times.tolist(), field, status, found.force, found.load, strict=True)):
             status[k], force[k] = past.step(*row)
-    return {"status": status, "shift": found.shift, "tilt": found.tilt, "force": force, "poses": found.multiplicity}
+    answer = {"status": status, "shift": found.shift, "tilt": found.tilt, "force": force}
+    if coder.field_fit is not None:
+        answer["ambient"] = ambient_of(coder, field, found.shift)[0]
+    return answer | {"poses": found.multiplicity}
 
 
 def outputs_at(coder: Decoder, shift: Array) -> Array:
@@ -432,6 +436,7 @@ def header(firmware: Firmware, command: str) -> str:
         "elements": len(elements),
         "calibrated": "unsure" in tables.integers,
         "thermal": firmware.is_warm,
+        "rejects": coder.field_fit is not None,
         "starts": STARTS,
         "evaluations": EVALUATIONS,
     }
@@ -528,11 +533,8 @@ def surroundings(told: Mapping[str, Any]) -> dict[str, str]:
 
 def run(
     design: Design,
-    level: str | None,
-    responses: Path | None,
-    flash: str,
+    options: Exporting,
     made: Tolerances | None,
-    calibration: Path | None,
     needed: Requirements | None,
     command: str,
     more: Mapping[str, Writer],
@@ -543,7 +545,7 @@ def run(
     needed : requirements of the design, of whose press errors are percentages; None without any.
     """
     progress(0.0, "tables")
-    firmware = prepare(design, level, responses, flash, made, calibration, needed)
+    firmware = prepare(design, options, made, needed)
     progress(0.5, "test vectors")
     files = {name: partial(write_text, text=text) for name, text in texts(firmware, command).items()}
     force, full, of_what = firmware.scale
@@ -564,7 +566,7 @@ def run(
         "fit_error_percent": 100 * fit_error / full,
         "example": example_of(design),
     }
-    off = "" if calibration else "; what a made sensor differs from the design comes on top: calibrate it"
+    off = "" if options.calibration else "; what a made sensor differs from the design comes on top: calibrate it"
     remark = (
         f"the tables add {force:.1g} N to the error of the mechanics ({firmware.source}), which the decoder's "
         f"polynomials miss by up to {fit_error:.2g} N, {100 * fit_error / full:.2g} % of {of_what} "

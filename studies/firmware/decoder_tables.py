@@ -195,7 +195,10 @@ def _start_tables(coder: Decoder, cells: tuple[int, int, int]) -> tuple[dict[str
     shifts = low + edge * np.indices(nodes).reshape(3, -1).T
     readings, slopes = readings_with_slopes(coder.forward, shifts.T.copy())
     # readings are turned into what a linear map takes for the shift: then few boxes of cells overlap
-    linear = np.linalg.lstsq(np.vstack([readings, np.ones(len(shifts))]).T, (shifts - low) / edge, rcond=None)[0].T
+    told = coder.goal.free @ readings if len(coder.goal.free) else readings
+    linear = np.linalg.lstsq(np.vstack([told, np.ones(len(shifts))]).T, (shifts - low) / edge, rcond=None)[0].T
+    if len(coder.goal.free):
+        linear[:, :-1] = linear[:, :-1] @ coder.goal.free
     places = linear[:, :-1] @ readings + linear[:, -1:]
     side = np.linalg.det(np.einsum("ik,jkn->nij", linear[:, :-1], slopes)) > 0
     middle, reach = (places.max(axis=1) + places.min(axis=1)) / 2, np.ptp(places, axis=1) / 2
@@ -255,6 +258,7 @@ def _mechanics(coder: Decoder) -> dict[str, Any]:
         "noise": [e.noise_T for e in with_noise(elements)[0]],
         "rest": rest[:, 0],
         "tolerance": coder.goal.tolerance,
+        **({} if coder.field_fit is None else {"field_fit": coder.field_fit}),
         "least_jump": least_jumps(coder),
         "tau": tau,
         # as in `analytic.inverse.forward_model.place_magnets`
@@ -313,6 +317,9 @@ def errors_of(coder: Decoder, tables: Tables, shift: Array | None = None) -> tup
         bases = _basis(spline.shape[0], across), _basis(spline.shape[1], along)
         lean, up = np.einsum("ai,ijk,aj->ka", bases[0], spline, bases[1]).reshape(2, *rho[:, own].shape)
         read[k] = (lean * rho[:, own] * on_u[:, own] + up * on_m[:, own]).mean(axis=1)
-    moves = (np.linalg.pinv(slopes.transpose(2, 1, 0)) @ (read - exact).T[..., None])[..., 0]
+    by_shift_of_all, missed = slopes.transpose(2, 1, 0), (read - exact).T[..., None]
+    if len(coder.goal.free):
+        by_shift_of_all, missed = coder.goal.free @ by_shift_of_all, coder.goal.free @ missed
+    moves = (np.linalg.pinv(by_shift_of_all) @ missed)[..., 0]
     off = np.einsum("jin,nj->ni", by_shift, moves)
     return float(np.abs(moves).max()), float(np.abs(off).max()), float(np.abs(force).max())

@@ -122,7 +122,7 @@ def header(found: Regression, told: Mapping[str, Any], tables: Mapping[str, Arra
     }  # fmt: skip
     counts = {
         "elements": len(law.centre), "terms": len(law.term_means), "recent": time_series.RECENT,
-        "repeats": time_series.REPEATS, "thermal": found.is_thermal, "rest": "rest" in tables,
+        "repeats": time_series.REPEATS, "thermal": found.is_thermal, "rejects": False, "rest": "rest" in tables,
     }  # fmt: skip
     listed = ranges(found, told["names"], told["unit"])
     return decoder_export.rendered(

@@ -479,6 +479,23 @@ class Streaming:
     responses: Responses | None = None
     calibration: Calibration | None = None
     temperature: Temperature | None = None
+    reject_ambient: Rejecting = False
+
+
+@_options
+class Exporting:
+    """Which decoder is exported, and how large it may be."""
+
+    flash: str = "64k"
+    """Largest size of decoder and tables on a Cortex-M4F, bytes or 64k; a smaller one makes the tables coarser, and
+    the result and the header say what this costs."""
+    level: LoadSource | None = None
+    responses: Path | None = None
+    """File of states printed by `magtip solve --json`, one per line, for tilt and load instead of formulas."""
+    tolerances: Tolerances | None = None
+    """NAME=VALUE: largest deviation of a built sensor, as in `decode`, for the status uncalibrated; repeatable."""
+    calibration: Calibration | None = None
+    reject_ambient: Rejecting = False
 
 
 @_options

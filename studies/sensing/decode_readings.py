@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analytic import beam
-from analytic.decode import decode, decoder, exceeded_limit, field_of, poses_outside
+from analytic.decode import ambient_of, decode, decoder, exceeded_limit, field_of, poses_outside
 from analytic.hall import at_rail
 from analytic.inverse import response_surface
 from analytic.parts import columns
@@ -213,6 +213,7 @@ def decode_text(coder: Decoder, text: str, decoding: Decoding, source: Source) -
     depth, shear, shear_y = decoded.load[0].tolist()
     contact = None if math.isnan(depth) else depth > 0
     gap, size = force_gap(coder, source.name, decoded.shift, decoded.force), math.hypot(*decoded.force[0].tolist())
+    ambient = ambient_columns(coder, field, decoded.shift)[0].tolist()
     record = {
         "status": decoded.status[0],
         "message": "",
@@ -241,9 +242,24 @@ def decode_text(coder: Decoder, text: str, decoding: Decoding, source: Source) -
         "fit_error_rad": coder.mechanics.errors[0] if coder.mechanics else None,
         "fit_error_N": max(coder.mechanics.errors[1:3]) if coder.mechanics else None,
         "level_half_width_N": _half_width(source, decoded.load[0], size),
+        **ambient_record(ambient),
         "warnings": [*[source.warning] * bool(source.warning), *level_warnings(source.name, gap)],
     }
     return record | _why(coder, field, decoded, source, contact=contact), field, decoded
+
+
+def ambient_columns(coder: Decoder, field: Array, shift: Array) -> Array:
+    """Return `AMBIENT_COLUMNS`, (n, 6), of rows of readings (n, k), T, with shifts (n, 3), mm; (n, 0) where no field
+    is rejected."""
+    if coder.field_fit is None:
+        return np.empty((len(field), 0))
+    found, deviation = ambient_of(coder, field, shift)
+    return 1e6 * np.hstack([found, QUANTILE * deviation])
+
+
+def ambient_record(row: Sequence[float]) -> FlatRow:
+    """Return the keys of one row of `ambient_columns`; none where it is empty."""
+    return {"ambient_uT": list(row[:3]), "ambient_half_width_uT": list(row[3:])} if row else {}
 
 
 def _half_width(source: Source, load: Array, size: float) -> float | None:
@@ -287,6 +303,10 @@ COLUMNS = [*POSE_COLUMNS, *LOAD_COLUMNS, "condition", "multiplicity", "level"]
 TIME_COLUMNS = ["relaxing_x_N", "relaxing_y_N", "relaxing_z_N", "law_error_N"]
 """Columns that it adds to one with `time_s`: the part of the force that slow loading does not have, and how much the
 force changes with a `doubted` law."""
+AMBIENT_COLUMNS = [f"ambient_{name}{axis}_uT" for name in ("", "half_width_") for axis in "xyz"]
+"""Columns that it adds where an ambient field is rejected: that field, and half of its 90 % interval by noise."""
+QUANTILE = 1.6449
+"""Half width of a 90 % interval of a normal distribution over its standard deviation."""
 HALF, TENTH = 0.5, 0.1
 """Share by which an assumed loss factor, and measured branches, may be off in `law_error_N`."""
 MOST_SEARCHED = 2000
@@ -320,7 +340,7 @@ def decode_file(
     head, rows, values = read_rows(
         decoding.file,
         heads[unit],
-        [*COLUMNS, *TIME_COLUMNS],
+        [*COLUMNS, *TIME_COLUMNS, *AMBIENT_COLUMNS],
         holes=True,
         instead={f"--units {second_unit}": heads[second_unit]} if elements[0].unit == "V" else {},
     )
@@ -334,14 +354,16 @@ def decode_file(
             progress(0.0, f"poses of {len(rows)} rows")
         decoded = slow = decode(coder, field, follow=True)
     statuses, said = check(field, slow)
-    names, relaxing = COLUMNS, np.empty((len(rows), 0))
+    ambient, relaxing = ambient_columns(coder, field, slow.shift), np.empty((len(rows), 0))
+    added = AMBIENT_COLUMNS[: ambient.shape[1]]
     if times is not None:
         force, statuses, relaxing = over_time(coder, field, times, slow.force, slow.load, statuses)
         decoded = dataclasses.replace(slow, force=force, load=np.where(np.isnan(force[:, 2:]), np.nan, slow.load))
-        names = [*COLUMNS[:-2], *TIME_COLUMNS, *COLUMNS[-2:]]
+        added = [*TIME_COLUMNS, *added]
         said = [*said, *law_sentences(coder.forward.design, relaxing)]
     tilt, tilt_y = tilts_of(*decoded.tilt.T)
-    parts = (decoded.shift, tilt, tilt_y, decoded.force, decoded.load, decoded.condition, relaxing)
+    parts = (decoded.shift, tilt, tilt_y, decoded.force, decoded.load, decoded.condition, relaxing, ambient)
+    names = [*COLUMNS[:-2], *added, *COLUMNS[-2:]]
     numbers = zip(statuses, np.column_stack(parts).tolist(), decoded.multiplicity.tolist(), strict=True)
     found = [(status, *line, count, source.name) for status, line, count in numbers]
     result = partial(_result, coder, slow, field, source, statuses, said)

@@ -25,7 +25,7 @@ from analytic import surroundings
 from analytic.decode import Decoder, decode, decoder
 from analytic.hall import means_over_plates, plates_of
 from analytic.inverse import response_surface
-from analytic.inverse.forward_model import Forward, model, readings_at, rotation
+from analytic.inverse.forward_model import Forward, readings_at, rotation
 from analytic.parts import of_design
 from analytic.surroundings import IronPiece, IronPlane, Neighbour, Poses, Surroundings
 from geometry.arrays import Array
@@ -91,7 +91,7 @@ class Loads:
 
     def readings(self, shift: Array) -> Array:
         """Return the readings (n, k), T, of the elements at shifts (3, n), mm; NaN where a shift is."""
-        found, known = np.full((shift.shape[1], self.sensor.count), np.nan), np.isfinite(shift).all(axis=0)
+        found, known = np.full((shift.shape[1], len(self.sensor.elements)), np.nan), np.isfinite(shift).all(axis=0)
         found[known] = readings_at(self.sensor, shift[:, known]).T
         return found
 
@@ -165,8 +165,7 @@ def run(
 
 def loads_of(coder: Decoder, needed: Requirements | None) -> tuple[Loads, float, str]:
     """Return the loads, the force of which percentages are, N, and which one it is, in words."""
-    design, law = coder.forward.design, coder.mechanics
-    assert law is not None
+    assert coder.mechanics is not None
     if needed is not None:
         pairs, full, words = needed.loads().tolist(), needed.force_z, "the required press"
     else:
@@ -182,8 +181,7 @@ def loads_of(coder: Decoder, needed: Requirements | None) -> tuple[Loads, float,
             f"the mechanics reach no load of the range up to {full:.3g} N: take others by --level, or require less"
         )
     force = np.column_stack([tangential * np.cos(turn), tangential * np.sin(turn), normal])
-    sensor = model(design, coder.forward.tau)
-    return Loads(force[known], _poses(coder, shift[:, known]), sensor, int((~known).sum())), full, words
+    return Loads(force[known], _poses(coder, shift[:, known]), coder.forward, int((~known).sum())), full, words
 
 
 def shifts_under(coder: Decoder, normal: Array, tangential: Array, turn: Array) -> Array:

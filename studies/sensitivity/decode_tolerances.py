@@ -11,7 +11,8 @@ readings at rest and C the covariance of made sensors' readings there, noise inc
 the probability of a row is the share of made sensors at rest whose chi^2 is larger. (That of chi^2 with three
 degrees of freedom would be wrong, since parts beyond their tolerances are sorted out.) The spread of a decoded force
 is that of made sensors in the decoded pose, whose readings are decoded as if they were the nominal sensor's. More
-than three readings leave a residual, which the decoder tests (`deviation` of `analytic.decode.decoder`).
+than three readings leave a residual, which the decoder tests (`deviation` of `analytic.decode.decoder`). Where it
+rejects an ambient field, rows and made sensors are compared without what a uniform field explains.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from analytic.decode import Status, decode
+from analytic.inverse.ambient_field import range_of
 from analytic.parts import common_values
 from geometry.design import BadInput
 from studies.output import page_templates
@@ -97,7 +99,10 @@ class AtRest:
                     f"{element.name} reads the same in all made sensors at rest, as it does at a rail or without "
                     "tolerances: set hall_gain and its rails so that it reads the magnet, or leave a tolerance"
                 )
-        self.inverse: Array = np.asarray(np.linalg.inv(deviations.T @ deviations / len(deviations)), dtype=float)
+        free = coder.goal.free
+        basis = range_of(free).T @ free if len(free) else np.eye(deviations.shape[1])
+        left = deviations @ basis.T
+        self.inverse: Array = np.asarray(basis.T @ np.linalg.inv(left.T @ left / len(left)) @ basis, dtype=float)
         self.of_made = np.sort(self._squares(deviations))
 
     def _squares(self, deviations: Array) -> Array:

@@ -67,13 +67,14 @@ HALF = ("half_width_x_N", "half_width_y_N", "half_width_z_N")
 class Nominal:
     """Decodes rows by a design and a level of the formulas, or states; temperatures count in a calibration only."""
 
-    columns = FOUND
     thermal = False
 
     def __init__(self, design: Design, options: Streaming, jitter: float) -> None:
         source = mechanics_sources.source_of(design, options.level, options.responses)
         self.said = [*source.said, *[source.warning] * bool(source.warning)]
-        self.stream = _loaded(Stream(decode_readings.prepare(design, source), jitter))
+        coder = decode_readings.prepare(design, source, reject_ambient=options.reject_ambient)
+        self.stream = _loaded(Stream(coder, jitter))
+        self.columns = (*FOUND, *decode_readings.AMBIENT_COLUMNS * options.reject_ambient)
         self._at_rest = AtRest(self.stream.coder)
 
     def zero(self, readings: Array, temperatures: Array) -> None:
@@ -85,9 +86,11 @@ class Nominal:
     def rows(self, times: Sequence[float], readings: Array, temperatures: Array) -> Iterator[tuple[Any, ...]]:
         fields = self._fields(readings)
         shares = self._at_rest.probability(fields + self.stream.offset).tolist()
-        for moment, field, share in zip(times, fields.tolist(), shares, strict=True):
-            found = self.stream.step(tuple(field), moment)
-            yield self._at_rest.status(found.status, share, math.hypot(*found.force)), *found.force, *found.shift
+        rows = [self.stream.step(tuple(field), moment) for field, moment in zip(fields.tolist(), times, strict=True)]
+        shift = np.array([row.shift for row in rows]).reshape(-1, 3)
+        ambient = decode_readings.ambient_columns(self.stream.coder, fields + self.stream.offset, shift).tolist()
+        for row, share, each in zip(rows, shares, ambient, strict=True):
+            yield self._at_rest.status(row.status, share, math.hypot(*row.force)), *row.force, *row.shift, *each
 
 
 class Calibrated:
@@ -96,12 +99,11 @@ class Calibrated:
     warm : whether the rows have temperatures.
     """
 
-    columns = (*FOUND, *HALF)
-
     def __init__(self, found: Fit, jitter: float, *, warm: bool) -> None:
         from studies.calibration import calibrated_forces, calibration_file
 
         self._fit, self._mechanics, self._file = found, calibrated_forces, calibration_file
+        self.columns = (*FOUND, *HALF, *decode_readings.AMBIENT_COLUMNS * found.rejects_ambient)
         self.thermal = calibration_file.is_thermal(found)
         self._warm = warm or not self.thermal
         self.stream = _loaded(Stream(calibrated_forces.coder_of(found, warm=self._warm), jitter))
@@ -138,8 +140,8 @@ class Calibrated:
         self._count += len(warmer)
         self._cold += int(np.isnan(warmer).sum())
         self._unused += 0 if self.thermal else int(np.isfinite(temperatures).sum())
-        fields = self._mechanics.fields_of(self._fit, readings, warmer).tolist()
-        rows = [self.stream.step(tuple(field), moment) for field, moment in zip(fields, times, strict=True)]
+        fields, zeroed = self._mechanics.fields_of(self._fit, readings, warmer), bool(self.stream.offset.any())
+        rows = [self.stream.step(tuple(field), moment) for field, moment in zip(fields.tolist(), times, strict=True)]
         shift, force = (np.array([getattr(row, name) for row in rows]).reshape(-1, 3) for name in ("shift", "force"))
         _, slow, load, _ = state(self.stream.coder, np.ascontiguousarray(shift.T))
         # a frozen element's force is not known: it says nothing of what relaxes
@@ -150,14 +152,17 @@ class Calibrated:
             [self._fit.covariance],
             shift[known],
             warmer[known],
-            zeroed=bool(self.stream.offset.any()),
+            zeroed=zeroed,
         )[0]
         off = np.array(
             [self._law_error(*row) for row in zip(times, slow.T, load.T[:, 1:], force, strict=True)], dtype=float
         )
         wide = self._mechanics.relaxing_half_width(half, slow.T, force, off, self._growth)
-        for row, each in zip(rows, wide.tolist(), strict=True):
-            yield row.status, *row.force, *row.shift, *each
+        ambient = self._mechanics.ambient_columns(
+            self._fit, fields + self.stream.offset, shift, warmer, zeroed=zeroed
+        ).tolist()
+        for row, each, field in zip(rows, wide.tolist(), ambient, strict=True):
+            yield row.status, *row.force, *row.shift, *each, *field
 
     def _law_error(self, moment: float, slow: Array, shear: Array, force: Array) -> float:
         """Return how much a force (3,) may be off, N, because the silicone's law, or the row's time, is not known."""
@@ -232,7 +237,7 @@ class Live:
 
             if options.level or options.responses:
                 raise BadInput("--calibration gives the mechanics: leave --level and --responses out")
-            fit = calibration_file.decoder_of(options.calibration, design)
+            fit = calibration_file.decoder_of(options.calibration, design, reject_ambient=options.reject_ambient)
             calibration_file.given_temperature(fit, options.temperature)
             if isinstance(fit, Fit):
                 self._decoder = Calibrated(fit, jitter, warm=self._warmth is not None)
@@ -604,6 +609,7 @@ def record(design: Design, decoding: Decoding, path: Path) -> None:
         responses=decoding.responses,
         calibration=decoding.calibration,
         temperature=decoding.temperature,
+        reject_ambient=decoding.reject_ambient,
     )
     live, source = Live(design, options), source_of(design, options)
     parts = list(source.rows())

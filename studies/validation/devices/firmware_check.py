@@ -35,6 +35,7 @@ from studies.calibration import (
 )
 from studies.firmware import decoder_export
 from studies.firmware.decoder_export import STATUSES, Firmware
+from studies.inputs.option_groups import Exporting
 from studies.output.goals import Goal
 from studies.output.result import Result
 from studies.parts.part_tolerances import tolerances
@@ -50,11 +51,14 @@ STRICT: list[str] = PLAN["flags"]["strict"].split()
 STEP = 1e-3
 """Height about rest, mm, within which rows are left out of the errors: there the decoder's lateral force has a step,
 between a plate that does not touch and one that does."""
-ANSWER = np.dtype({
-    "names": ["status", "poses", "shift", "tilt", "force", "half_width", "instructions", "stack"],
-    "formats": ["<i4", "<i4", "3<f4", "2<f4", "3<f4", "3<f4", "<u4", "<u4"],
-})  # fmt: skip
-"""A record of answers.bin."""
+ANSWER, REJECTING_ANSWER = (
+    np.dtype({
+        "names": ["status", "poses", "shift", "tilt", "force", "half_width", *ambient, "instructions", "stack"],
+        "formats": ["<i4", "<i4", "3<f4", "2<f4", "3<f4", "3<f4", *["3<f4"] * len(ambient), "<u4", "<u4"],
+    })
+    for ambient in ([], ["ambient"])
+)  # fmt: skip
+"""A record of answers.bin, also of a decoder that rejects an ambient field."""
 
 
 def write_header(firmware: Firmware, folder: Path) -> None:
@@ -76,18 +80,23 @@ def for_target(folder: Path, optimised: str = "-Os") -> tuple[Path, int, int]:
 
 
 def answers(
-    program: Path, outputs: Array, seconds: Array | None = None, temperature: Array | None = None
+    program: Path,
+    outputs: Array,
+    seconds: Array | None = None,
+    temperature: Array | None = None,
+    kind: np.dtype[Any] = ANSWER,
 ) -> NDArray[Any]:
     """Return what a program decodes from outputs (n, 3), and from a time series with the seconds before each row.
 
     temperature : (n,), C, for a decoder that takes one.
+    kind : of its records.
     """
     before = np.full(len(outputs), np.nan) if seconds is None else seconds
     columns = [outputs, before] + ([] if temperature is None else [temperature])
     np.column_stack(columns).astype("<f4").tofile(program.parent / "rows.bin")
     emulator = ["qemu-system-arm", *PLAN["flags"]["qemu"].split()] if program.suffix == ".elf" else []
     _run([*emulator, str(program)], program.parent)
-    return np.fromfile(program.parent / "answers.bin", ANSWER)
+    return np.fromfile(program.parent / "answers.bin", kind)
 
 
 def _run(command: Sequence[str], folder: Path) -> str:
@@ -222,7 +231,8 @@ def judge(case: Row, fewer: int) -> Row:
         folder = Path(place)
         found = calibration(folder) if level == "calibrated" else None
         own = None if level == "calibrated" else level
-        firmware = decoder_export.prepare(Design(**case["fields"]), own, None, flash, None, found)
+        options = Exporting(flash=flash, level=own, calibration=found)
+        firmware = decoder_export.prepare(Design(**case["fields"]), options)
         coder, rng = firmware.coder, np.random.default_rng(1)
         outputs, shift = random_outputs(coder, rows_of("single", fewer), rng)
         series, times = series_outputs(coder, rows_of("series", fewer), rng)
@@ -271,7 +281,7 @@ def run(progress: Progress, *, quick: bool = False) -> Result:
     chosen = pages.told(progress, PLAN["case"], lambda case: f"{case['name']}, {case['flash']}")
     rows, hostile = [judge(case, fewer) for case in chosen], rows_of("hostile", fewer)
     progress(0.9, "sanitizers")
-    firmware = decoder_export.prepare(Design(), None, None, "64k")
+    firmware = decoder_export.prepare(Design(), Exporting())
     with tempfile.TemporaryDirectory() as place:
         write_header(firmware, Path(place))
         program = compiled(Path(place), "gcc", PLAN["flags"]["sanitized"].split())
