@@ -1,6 +1,7 @@
 """Drawings: sections match the solids, sheets are SVG inside their frame, and the board is DXF with its layers."""
 
 import io
+import itertools
 import math
 import re
 from pathlib import Path
@@ -14,10 +15,11 @@ from geometry import cad
 from geometry.bad_input import SolveFailed
 from geometry.base import Base, base, plan
 from geometry.design import Design, paper
+from geometry.fabrication import magnet_jig
 from geometry.fabrication.board_drawing import LAYERS, board, pads
 from geometry.fabrication.hall_elements import bodies, places
-from geometry.fabrication.mold_solids import closed_mold
-from geometry.fabrication.technical_drawing import HEIGHT, WIDTH, Piece, View
+from geometry.fabrication.mold_solids import closed_mold, halves
+from geometry.fabrication.technical_drawing import HEIGHT, WIDTH, Piece, View, number, sheet
 from geometry.hall_chips import CHIPS
 from geometry.mold import Mold, sizes
 from studies.fabrication import part_drawings, symbol_drawings
@@ -56,7 +58,7 @@ def test_a_view_from_above_shows_x_to_the_right_and_y_upwards():
 def test_sheets_are_svg_with_their_dimensions_inside_their_frame(design, mold, pole):
     parts = {"base": base(design, Base()), "silicone": cad.silicone(design), "magnet": cad.magnet(design)}
     A, B = closed_mold(design, mold)
-    texts = part_drawings.sheets(design, plan(design, Base()), parts, bodies(design))
+    texts = part_drawings.sheets(design, plan(design, Base()), mold.printing, parts, bodies(design))
     texts["mould"] = part_drawings.mold_sheet(design, mold, sizes(design, mold), A, [B])
     assert pole in texts["sensor"]
     for label in (f"D = {design.D:g}", f"L = {design.L:g}", f"l0 = {design.l0:g}"):
@@ -70,11 +72,61 @@ def test_sheets_are_svg_with_their_dimensions_inside_their_frame(design, mold, p
         assert words == halos
         assert title.capitalize() in words
         assert re.search(r"scale \d+:\d+ on A4; all lengths in mm", " ".join(words))
+        assert re.search(r"design [0-9a-f]{12}, \d{4}-\d\d-\d\d, general tolerance ±0.1", " ".join(words))
+        assert overprints(shown) == []
         assert "nan" not in text
         for node in root.iter():
             if node.tag.endswith("}path") and "pattern" not in node.attrib.get("d", "") and "class" in node.attrib:
                 steps = re.findall(rf"[ML]({NUMBER}) ({NUMBER})", node.attrib["d"])
                 assert all(0 < float(x) < WIDTH and 0 < float(y) < HEIGHT for x, y in steps), title
+
+
+def overprints(shown):
+    """Pairs of texts that cover each other, by the width of Arial's digits."""
+    boxes = []
+    for node in shown:
+        x, y, height = float(node.attrib["x"]), float(node.attrib["y"]), 2.2
+        wide = 1.7 * len(node.text)
+        left = x - {"start": 0.0, "middle": 0.5, "end": 1.0}[node.attrib["text-anchor"]] * wide
+        box = (left, y - height, left + wide, y)
+        if "transform" in node.attrib:
+            box = (x - height, y - wide / 2, x, y + wide / 2)
+        if "halo" not in node.attrib["class"] and not {"title", "small"} & set(node.attrib["class"].split()):
+            boxes.append((node.text, box))
+    return [
+        (a, b)
+        for (a, p), (b, q) in itertools.combinations(boxes, 2)
+        if p[0] < q[2] and q[0] < p[2] and p[1] < q[3] and q[1] < p[3]
+    ]
+
+
+def test_long_views_stand_one_above_the_other_and_high_ones_side_by_side():
+    for corners, scale in (((0, 0), (100, 20)), "2:1"), (((0, 0), (20, 60)), "2:1"):
+        views = View("one"), View("two")
+        for view in views:
+            view.paths.append(([[Piece(*corners)]], "outline"))
+        assert f"scale {scale} on A4" in sheet("Views", [[views[0]], [views[1]]], [], "")
+
+
+def test_sheets_of_a_split_mould_and_of_four_chips_print_no_text_over_another():
+    """Pins and all screws of the split are shown, and the place of each chip."""
+    design, mold = Design(), Mold(columns=2, split=1)
+    s, (A, B) = sizes(design, mold), closed_mold(design, mold)
+    texts = [part_drawings.mold_sheet(design, mold, s, A, [*halves(design, mold, B).values()])]
+    lengths = magnet_jig.lengths(design, mold)
+    texts.append(part_drawings.jig_sheet(design, mold, s, lengths, magnet_jig.solids(design, mold, lengths), B))
+    four = Design(hall_layout="tlv493d-a1b6", chip_count=4, chip_x=6.0, l0=8.0, c=0.0)
+    parts = {"base": base(four, Base()), "silicone": cad.silicone(four), "magnet": cad.magnet(four)}
+    drawn = part_drawings.sheets(four, plan(four, Base()), mold.printing, parts, bodies(four))
+    found = [
+        [node for node in ElementTree.fromstring(text).iter() if node.tag.endswith("}text")]
+        for text in (*texts, *drawn.values())
+    ]
+    assert [overprints(shown) for shown in found] == 4 * [[]]
+    words = [{node.text for node in shown} for shown in found]
+    assert {number(z - s.bottom) for z in s.ears.bolt_z} | {f"pin {number(-s.bottom / 2)}"} <= words[0]
+    assert {"chip 1", "chip 2", "chip 3", "chip 4"} <= words[2]
+    assert "6" in words[3]
 
 
 @pytest.mark.parametrize(("name", "draw"), [("sensor", symbol_drawings.lengths), ("loads", symbol_drawings.loads)])

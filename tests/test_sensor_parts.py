@@ -13,6 +13,7 @@ import time
 from pathlib import Path
 
 import numpy as np
+import psutil
 import pytest
 import worker_tasks
 from PIL import Image
@@ -382,6 +383,21 @@ def test_an_interrupted_batch_leaves_only_whole_folders(tmp_path):
     assert [path.name for path in (tmp_path / "parts").glob("[!.]*")] == ["L9"]
     assert (tmp_path / "parts" / "L9" / "README.md").exists()
     assert not list(tmp_path.rglob(".writing-*"))
+
+
+def test_after_sigkill_no_process_that_draws_is_left():
+    """Its input ends with the process that was killed."""
+    code = (
+        "import subprocess, time\nfrom studies.fabrication import assembly_picture\n"
+        "start = subprocess.Popen\ndef told(*words, **more):\n    process = start(*words, **more)\n"
+        "    print(process.pid, flush=True)\n    return process\n"
+        "subprocess.Popen = told\nwith assembly_picture.painter(): time.sleep(60)"
+    )
+    with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True) as process:
+        drawer = psutil.Process(int(process.stdout.readline()))
+        assert "studies.fabrication.assembly_picture" in drawer.cmdline()
+        process.kill()
+    drawer.wait(timeout=60)
 
 
 def test_a_process_of_a_batch_that_dies_fails_its_variant_only(tmp_path, monkeypatch):

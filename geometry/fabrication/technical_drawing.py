@@ -88,6 +88,12 @@ class View:
         edges, _ = solid.project_to_viewport((0, 0, side * far), (0, 1, 0), (0, 0, 0))
         self.paths.append(([_pieces([edge], 0, 1) for edge in edges], "outline"))
 
+    def cross(self, centre: Point, half: float) -> None:
+        """Add a cross of thin lines that marks a centre."""
+        x, y = centre
+        for u, v in ((half, 0.0), (0.0, half)):
+            self.paths.append(([[Piece((x - u, y - v), (x + u, y + v))]], "axis"))
+
     def circle(self, centre: Point, radius: float, style: str) -> None:
         """Add a circle, as two half-circle arcs."""
         (x, y), r = centre, radius
@@ -108,24 +114,32 @@ class View:
         return NEAR + NEXT * (max(levels) + 0.6) if levels else NEAR / 2
 
 
-def sheet(title: str, columns: Sequence[Sequence[View]], notes: Sequence[str]) -> str:
+def sheet(title: str, columns: Sequence[Sequence[View]], notes: Sequence[str], stamp: str) -> str:
     """Return the SVG text of a sheet at the largest standard scale at which all views fit.
 
-    The columns stand side by side. The views of a column are stacked, with their origins on one vertical line.
+    The columns stand side by side, or all views in one column where they are larger so. The views of a column are
+    stacked, with their origins on one vertical line.
+
+    stamp : design, date and tolerance, for the title block.
     """
     space_x, space_y = WIDTH - 2 * MARGIN, HEIGHT - 2 * MARGIN - BLOCK
 
-    def fits(scale: float) -> bool:
-        wide = sum(sum(_sides(column, scale)) for column in columns)
-        return wide <= space_x and all(_height(column, scale) <= space_y for column in columns)
+    def largest(columns: Sequence[Sequence[View]]) -> float:
+        def fits(scale: float) -> bool:
+            wide = sum(sum(_sides(column, scale)) for column in columns)
+            return wide <= space_x and all(_height(column, scale) <= space_y for column in columns)
 
-    scale = next((s for s in SCALES if fits(s)), SCALES[-1])
+        return next((s for s in SCALES if fits(s)), SCALES[-1])
+
+    columns = max(columns, [list(itertools.chain.from_iterable(columns))], key=largest)
+    scale = largest(columns)
     out = _arranged(columns, scale, (MARGIN, MARGIN), (space_x, space_y))
     ratio = f"{scale:g}:1" if scale >= 1 else f"1:{1 / scale:g}"
     y = HEIGHT - MARGIN - BLOCK
     out.append(f'<path class="thin" d="M{MARGIN} {y}H{WIDTH - MARGIN}"/>')
     out.append(_text(MARGIN + 2, y + 7, title, "title"))
-    out.append(_text(MARGIN + 2, y + 13, f"scale {ratio} on A4; all lengths in mm"))
+    out.append(_text(MARGIN + 2, y + 12, f"scale {ratio} on A4; all lengths in mm"))
+    out.append(_text(MARGIN + 2, y + 16.2, stamp, "small"))
     for k, note in enumerate(notes):
         out.append(_text(MARGIN + 92, y + 4.2 + 4 * k, note, "small"))
     frame = f'<rect class="thin" x="{MARGIN}" y="{MARGIN}" width="{space_x}" height="{HEIGHT - 2 * MARGIN}"/>'
@@ -229,10 +243,11 @@ def _drawn(view: View, scale: float, x0: float, y0: float) -> str:
     ]
     left, right, low, top = view.box
     (x1, y1), (x2, y2) = on((left, top)), on((right, low))
+    taken = [_beside(on(point), text, away) for point, text, away in view.labels]
     for a, b, side, level, text in view.dims:
         away = NEAR + NEXT * level
         at = {"below": y2 + away, "above": y1 - away, "left": x1 - away, "right": x2 + away}[side]
-        out.append(_dimension(on(a), on(b), side, at, text))
+        out.append(_dimension(on(a), on(b), side, at, text, taken))
     for point, text, (dx, dy) in view.labels:
         (x, y), end = on(point), "end" if dx < 0 else "start"
         out.append(f'<path class="thin" d="M{x:.3f} {y:.3f}L{x + dx:.3f} {y + dy:.3f}"/>')
@@ -240,7 +255,12 @@ def _drawn(view: View, scale: float, x0: float, y0: float) -> str:
         out.append(_text(x + dx + math.copysign(0.8, dx), y + dy + 1.1, text, anchor=end))
     for point, along, text, where in view.arrows:
         out.append(_arrow(on(point), along, text, where == "end"))
-    out.append(_text((x1 + x2) / 2, y1 - view.room("above") - 1.5, view.title, anchor="middle"))
+    (middle, y), half = ((x1 + x2) / 2, y1 - view.room("above") - 1.5), _width(view.title) / 2
+    # an arrow of a small view may point to the middle of its title
+    tips = [(on(point)[0] + along[0], on(point)[1] - along[1]) for point, along, *_ in view.arrows]
+    if any(abs(u - middle) < half + 2 and abs(v - y) < 2 * TEXT for u, v in tips):
+        middle += half + 2 * TEXT
+    out.append(_text(middle, y, view.title, anchor="middle"))
     # SVG draws in order: first the lines, then the halos that cover lines behind text, then the text
     return "\n".join(sorted("\n".join(out).split("\n"), key=lambda line: (line[:5] == "<text", "halo" not in line)))
 
@@ -263,7 +283,15 @@ def _path(loops: Iterable[Iterable[Piece]], on: Any, scale: float) -> str:
     return "".join(words)
 
 
-def _dimension(a: Point, b: Point, side: Side, at: float, text: str) -> str:
+Box = tuple[float, float, float, float]
+"""Least x and y, and greatest x and y of a text on paper, mm."""
+
+
+def _width(text: str) -> float:
+    return 0.56 * TEXT * len(text)
+
+
+def _dimension(a: Point, b: Point, side: Side, at: float, text: str, taken: list[Box]) -> str:
     """Return extension lines, dimension line, arrows and text of one dimension.
 
     Parameters
@@ -271,6 +299,7 @@ def _dimension(a: Point, b: Point, side: Side, at: float, text: str) -> str:
     a, b : the measured points on paper, mm.
     side : side of the view where the dimension line lies.
     at : y of a horizontal dimension line, or x of a vertical one, on paper, mm.
+    taken : boxes of the texts that are there; that of this one is added.
     """
     upright = side in ("left", "right")
     k = 1 if upright else 0
@@ -278,14 +307,27 @@ def _dimension(a: Point, b: Point, side: Side, at: float, text: str) -> str:
     if a[k] > b[k]:
         e, f = f, e
     beyond = 1.2 if side in ("below", "right") else -1.2
-    span, wide = q - p, 0.56 * TEXT * len(text)
+    span, wide = q - p, _width(text)
     inside = span > wide + 2 * ARROW + 1
     # on the right of a view, text outside a short line goes above it: below, it could meet that of another line
-    room = (p, q) if inside else (p - 5 - wide, q + 4) if side == "right" else (p - 4, q + 5 + wide)
+    before = [p - 3.2 - wide * (n + 0.5) for n in range(3)]
+    after = [q + 3.2 + wide * (n + 0.5) for n in range(3)]
+    outside = [*before, *after] if side == "right" else [after[0], *before, *after[1:]]
+
+    def box(middle: float) -> Box:
+        along, across = (middle - wide / 2, middle + wide / 2), (at - 1.2 - 0.75 * TEXT, at - 1.2)
+        (x, u), (y, v) = (across, along) if upright else (along, across)
+        return x, y, u, v
+
+    places = [(p + q) / 2, *outside] if inside else outside
+    middle = next((place for place in places if not any(_meet(box(place), other) for other in taken)), places[0])
+    taken.append(box(middle))
+    inside = p < middle < q
+    ends = (p, q) if inside else (p - 4, q + 4)
+    room = min(ends[0], middle - wide / 2 - 1.8), max(ends[1], middle + wide / 2 + 1.8)
     lines = [((p, e), (p, at + beyond)), ((q, f), (q, at + beyond)), ((room[0], at), (room[1], at))]
     way = 1 if inside else -1
     heads = [((p, at), way), ((q, at), -way)]
-    middle = (p + q) / 2 if inside else p - 3.2 - wide / 2 if side == "right" else q + 3.2 + wide / 2
 
     def xy(s: float, t: float) -> Point:
         return (t, s) if upright else (s, t)
@@ -301,6 +343,17 @@ def _dimension(a: Point, b: Point, side: Side, at: float, text: str) -> str:
     turn = f' transform="rotate(-90 {x:.3f} {y:.3f})"' if upright else ""
     out.append(_text(x, y, text, anchor="middle", more=turn))
     return "\n".join(out)
+
+
+def _beside(point: Point, text: str, away: Point) -> Box:
+    """Return the box of a label's text, which begins or ends at an offset from its point on paper."""
+    x, y = point[0] + away[0], point[1] + away[1]
+    wide = math.copysign(_width(text) + 0.8, away[0])
+    return min(x, x + wide), y + 1.1 - TEXT, max(x, x + wide), y + 1.1
+
+
+def _meet(one: Box, other: Box) -> bool:
+    return one[0] < other[2] and other[0] < one[2] and one[1] < other[3] and other[1] < one[3]
 
 
 def _arrow(start: Point, along: Point, text: str, at_end: bool) -> str:

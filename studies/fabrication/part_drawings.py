@@ -7,14 +7,17 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from analytic.parts import of_design
+from geometry import design_digest
 from geometry.base import Plan
 from geometry.cad import moved
 from geometry.design import Design
 from geometry.fabrication import magnet_jig
 from geometry.fabrication.board_drawing import pads
-from geometry.fabrication.hall_elements import places
+from geometry.fabrication.hall_elements import chip_centres, places
+from geometry.fabrication.printability import Process
 from geometry.fabrication.technical_drawing import Dimension, Piece, View, number, sheet
 from geometry.mold import BOLT, BOLT_HOLE, Mold, Sizes
+from studies.output import provenance
 
 if TYPE_CHECKING:
     from build123d import Solid
@@ -25,11 +28,24 @@ AXIS = 9.0
 """Length on paper of the arrow along which an element measures, mm."""
 
 
-def sheets(design: Design, plan: Plan, parts: Mapping[str, Solid], bodies: Mapping[str, Solid]) -> dict[str, str]:
+def stamp(design: Design, process: Process) -> str:
+    """Return what the title block says of every sheet: the digest of the design, the date, and the tolerance.
+
+    Parts of the largest and the least size within half the fit of the process still slide into each other.
+    """
+    fields = design_digest.of_mechanics(design) | design_digest.of_readings(design)
+    tolerance = f"general tolerance ±{process.fit / 2:g}"
+    return f"design {design_digest.digest(fields)}, {provenance.today()}, {tolerance}"
+
+
+def sheets(
+    design: Design, plan: Plan, process: Process, parts: Mapping[str, Solid], bodies: Mapping[str, Solid]
+) -> dict[str, str]:
     """Return the sheets of the assembled sensor and of its base, by name.
 
     Parameters
     ----------
+    process : by which the base is printed.
     parts : base, silicone and, if there is one, magnet, in the sensor's frame.
     bodies : the Hall elements by name.
     """
@@ -39,13 +55,19 @@ def sheets(design: Design, plan: Plan, parts: Mapping[str, Solid], bodies: Mappi
     # projections are slow: both sheets start from copies of the same lines
     sheets = View(side.title, list(side.paths)), View(above.title, list(above.paths))
     return {
-        "sensor": _sensor_sheet(design, plan, parts, bodies, side, above),
-        "base": _base_sheet(design, plan, parts["base"], *sheets),
+        "sensor": _sensor_sheet(design, plan, process, parts, bodies, side, above),
+        "base": _base_sheet(design, plan, process, parts["base"], *sheets),
     }
 
 
 def _sensor_sheet(
-    design: Design, plan: Plan, parts: Mapping[str, Solid], bodies: Mapping[str, Solid], side: View, above: View
+    design: Design,
+    plan: Plan,
+    process: Process,
+    parts: Mapping[str, Solid],
+    bodies: Mapping[str, Solid],
+    side: View,
+    above: View,
 ) -> str:
     """Return the sheet of the assembled sensor; `side` and `above` already show its base."""
     side.cut(parts["silicone"], "soft")
@@ -58,16 +80,17 @@ def _sensor_sheet(
     above.dims += _outline(plan, 1)
     for view in (side, above):
         add_axis(view)
+    elements = ", ".join(places(design)) if design.chip_count == 1 else f"{design.chip_count:g} {design.chip.name}"
     magnet = (
         f"magnet {number(design.magnet_diameter)} x {number(design.magnet_height)} mm, J = {design.remanence:g} T"
     )
     notes = [
         f"{magnet}, north pole {design.magnet_north}" if "magnet" in parts else "no magnet",
         f"silicone: E = {design.E:g} MPa, nu = {design.nu:g}; glued to the base on z = 0",
-        f"Hall elements: {', '.join(places(design))}; l0, c and f go to their plates, which lie inside the bodies",
+        f"Hall elements: {elements}; l0, c and f go to their plates, which lie inside the bodies",
         "section: base hatched, silicone yellow, magnet grey, Hall elements dark",
     ]
-    return sheet("Sensor", [[side], [above]], notes)
+    return sheet("Sensor", [[side], [above]], notes, stamp(design, process))
 
 
 def add_lengths(
@@ -96,7 +119,10 @@ def add_lengths(
         if x or y:
             above.projection(body)
             if "S2" not in where:
-                above.labels.append(((x, y), name, (-4.0, 16.0 if y < 0 else -16.0)))
+                # beside the arrows of the first chip, upwards along x and y
+                aside = 4.0 if x > -1e-9 else -4.0
+                down = 10.0 if name.endswith(" 1") or y < -1e-9 else -10.0
+                above.labels.append(((x, y), f"chip {name.split()[-1]}", (aside, down)))
     for view, up in ((side, 2), (above, 1)):
         for element in of_design(design)[:3]:
             along = AXIS * element.direction[0], AXIS * element.direction[up]
@@ -115,7 +141,7 @@ def add_lengths(
         ]
 
 
-def _base_sheet(design: Design, plan: Plan, base: Solid, side: View, above: View) -> str:
+def _base_sheet(design: Design, plan: Plan, process: Process, base: Solid, side: View, above: View) -> str:
     """Return the sheet of the base; `side` and `above` already show it, the view from below is added."""
     below = View("From below")
     below.projection(base, below=True)
@@ -132,22 +158,21 @@ def _base_sheet(design: Design, plan: Plan, base: Solid, side: View, above: View
         side.dims.append(((-r, 0), (r, 0), "below", 1, f"recess Ø{number(2 * r)}"))
     for name, block in p.seats.bodies.items():
         (x, y, z), (a, b, c) = block.corner, block.sides
-        if name == "S3" or name.endswith((" 2", " 3")):
+        if name == "S3" or name.endswith((" 2", " 3", " 4")):
             continue  # as the one before
         if z <= -p.thickness + 1e-9:
             side.dims.append(((x, -p.thickness), (x + a, -p.thickness), "below", 0, number(a)))
             side.dims.append(((p.half, -p.thickness), (x + a, z + c), "right", 1, number(c)))
-            # seen from below, x runs to the left
-            below.dims.append(((x, y), (x, y + b), "right", 0, number(b)))
+            # seen from below, x runs to the left; there the leads of S1 leave to the right
+            edge = -x if name == "S1" else -x - a
+            below.dims.append(((edge, y), (edge, y + b), "right" if name == "S1" else "left", 0, number(b)))
         else:
             side.dims.append(((x, max(0.0, top)), (x + a, max(0.0, top)), "above", 0, number(a)))
             side.dims.append(((p.half, 0), (x + a, z), "right", 2, number(abs(z))))
             above.dims.append(((0, 0), (x, y), "below", 0, number(x)))
             above.dims.append(((x, y), (x, y + b), "right", 0, number(b)))
-    if design.hall_layout != "three" and pads(design):
-        # seen from below, x runs to the left
-        for x, y in pads(design)[:: len(pads(design)) // int(design.chip_count)]:
-            below.labels.append(((-x, y), "pin 1", (4.0, 3.5)))
+    if design.hall_layout != "three":
+        _add_chips(design, below)
     above.dims += _outline(plan, 1)
     notes = ["printed as it stands, underside down, without supports"]
     if design.element_count > 3:
@@ -162,7 +187,21 @@ def _base_sheet(design: Design, plan: Plan, base: Solid, side: View, above: View
         notes.insert(0, f"4 holes Ø{number(p.screw)} for screws")
     for view in (side, above, below):
         add_axis(view)
-    return sheet("Base", [[side, above], [below]], notes)
+    return sheet("Base", [[side, above], [below]], notes, stamp(design, process))
+
+
+def _add_chips(design: Design, below: View) -> None:
+    """Add the centres of the chips' bodies, from which soldering starts, and pin 1; x runs to the left."""
+    centres = list(chip_centres(design).values())
+    (x, y), (_, aside) = centres[0], centres[min(1, len(centres) - 1)]
+    for u, v in centres:
+        below.cross((-u, v), 0.6 * max(design.chip.body[:2]))
+    if x:
+        below.dims.append(((0, 0), (-x, y), "below", 0, number(abs(x))))
+    if aside:
+        below.dims.append(((0, 0), (0, aside), "right", 0, number(abs(aside))))
+    for u, v in pads(design)[:: max(1, len(pads(design)) // len(centres))]:
+        below.labels.append(((-u, v), "pin 1", (4.0, 3.5)))
 
 
 def mold_sheet(design: Design, mold: Mold, s: Sizes, A: Solid, pieces: Sequence[Solid]) -> str:
@@ -198,18 +237,22 @@ def mold_sheet(design: Design, mold: Mold, s: Sizes, A: Solid, pieces: Sequence[
     side.labels += [((-x - s.rim, s.lid / 2), "A", (-5.0, -9.0))]
     side.labels += [((-x - s.rim, s.bottom + 0.5 * s.floor), "B", (-5.0, 9.0))]
     add_axis(side)
-    # along x, or in a split mould along y, two screws lie opposite
-    far, near = s.lugs[0].at(s.reach[1]), s.lugs[1].at(s.reach[1])
-    if mold.split:
-        above.dims.append((near, far, "left", 0, number(far[1] - near[1])))
-    else:
-        above.dims.append((near, far, "above", 0, number(far[0] - near[0])))
+    # screws lie opposite each other along x, along y, or both
+    at = [lug.at(s.reach[1]) for lug in s.lugs]
+    if aside := [point for point, lug in zip(at, s.lugs, strict=True) if lug.outwards[0]]:
+        (far, v), near = max(aside), min(aside)[0]
+        above.dims.append(((near, v), (far, v), "above", 0, number(far - near)))
+    if ahead := [point for point, lug in zip(at, s.lugs, strict=True) if lug.outwards[1]]:
+        u, high, low = min(ahead)[0], *(end(point[1] for point in ahead) for end in (max, min))
+        above.dims.append(((u, low), (u, high), "left", 0, number(high - low)))
     if s.ears:
         e, low = s.ears, s.bottom
         above.dims.append(((-e.end, 0), (e.end, 0), "above", 0, number(2 * e.end)))
         side.dims += [
-            ((e.bolt_x, e.bolt_z[0]), (e.end, low), "right", 3, number(e.bolt_z[0] - low)),
+            *(((e.bolt_x, z), (e.end, low), "right", 3 + k, number(z - low)) for k, z in enumerate(e.bolt_z)),
+            ((e.pin_x, low / 2), (e.end, low), "right", 3 + len(e.bolt_z), f"pin {number(-low / 2)}"),
             ((x, low), (e.bolt_x, low), "below", 1, number(e.bolt_x - x)),
+            ((x, low), (e.pin_x, low / 2), "below", 3, f"pin {number(e.pin_x - x)}"),
         ]
     foot_y = max(centre[1] for centre in s.centres) + s.rim
     above.dims += [((-x - s.rim, -foot_y), (x + s.rim, -foot_y), "below", 0, number(2 * (x + s.rim)))]
@@ -228,10 +271,10 @@ def mold_sheet(design: Design, mold: Mold, s: Sizes, A: Solid, pieces: Sequence[
             f"; across the split: pins Ø{number(s.dowel)} in holes Ø{number(s.dowel_hole)}, screws M{number(BOLT)}"
         )
     notes.append(f"A on B: {screws}; holes for M{number(BOLT)}: Ø{number(BOLT_HOLE)}")
-    return sheet("Mould", [[side], [above]], notes)
+    return sheet("Mould", [[side], [above]], notes, stamp(design, mold.printing))
 
 
-def jig_sheet(design: Design, s: Sizes, jig: Jig, parts: Mapping[str, Solid], B: Solid) -> str:
+def jig_sheet(design: Design, mold: Mold, s: Sizes, jig: Jig, parts: Mapping[str, Solid], B: Solid) -> str:
     """Return the sheet of the jig: a section through B, jig, plunger, bar and magnet, and the gauge from above."""
     x, y = s.centres[0]
     side, above = View(f"Section y = {number(y)}"), View("Gauge from above")
@@ -251,7 +294,7 @@ def jig_sheet(design: Design, s: Sizes, jig: Jig, parts: Mapping[str, Solid], B:
         ((x - jig.collar, jig.top), (x + jig.collar, jig.top), "above", 0, f"Ø{number(2 * jig.collar)}"),
         ((x - jig.tip, -jig.depth), (x + jig.tip, -jig.depth), "below", 0, f"end Ø{number(2 * jig.tip)}"),
         ((x, -jig.depth), (-far - s.rim, 0), "left", 0, number(jig.depth)),
-        ((-far - s.rim, 0), (-far - s.rim, jig.lid), "left", 0, number(jig.lid)),
+        ((-far - s.rim, 0), (-far - s.rim, jig.lid), "left", 1, number(jig.lid)),
         ((far + s.rim, jig.lid), (far + s.rim, jig.top), "right", 0, number(jig.top - jig.lid)),
         ((far + s.rim, jig.top), (far + s.rim, jig.top + jig.bar), "right", 1, number(jig.bar)),
     ]
@@ -273,7 +316,7 @@ def jig_sheet(design: Design, s: Sizes, jig: Jig, parts: Mapping[str, Solid], B:
         "gauge: flat on the rim by the short tongue, one groove; rocking by the long one, two grooves",
         f"{len(s.lugs)} countersunk screws M{number(BOLT)} x {number(screws)} through B, jig and bar",
     ]
-    return sheet("Jig", [[side], [above]], notes)
+    return sheet("Jig", [[side], [above]], notes, stamp(design, mold.printing))
 
 
 def _outline(plan: Plan, level: int) -> list[Dimension]:

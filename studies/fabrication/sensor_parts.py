@@ -105,13 +105,13 @@ def build(
             row["parts"] = _write(design, choices, solids, shapes, stage, progress)
         except MeshError as error:
             return row | {"status": "failed", "message": str(error)}
+        volumes = {part["name"]: part["volume_mm3"] for part in row["parts"] if part["name"] in parts_list.PRINTED}
+        board = parts_list.board_of(design, solids.plan)
+        write_table(stage / parts_list.FILE, parts_list.rows(design, choices, solids.plan, volumes, board))
         if draw:
             progress(0.8, "pictures")
         row["warnings"] += [*_draw(stage, design, choices, solids, draw), *left_over(folder, stage)]
         drawn = [name for name in (PICTURE, JIG_PICTURE) if (stage / name).exists()]
-        volumes = {part["name"]: part["volume_mm3"] for part in row["parts"] if part["name"] in parts_list.PRINTED}
-        board = parts_list.board_of(design, solids.plan)
-        write_table(stage / parts_list.FILE, parts_list.rows(design, choices, solids.plan, volumes, board))
         page = casting_recipe.text(design, choices, row, solids.plan, drawn, command, gap)
         atomic_files.write_text(stage / RECIPE, page)
     return row
@@ -226,13 +226,14 @@ def _write(
     atomic_files.write_text(stage / "mold.svg", part_drawings.mold_sheet(design, choices.mold, s, solids.A, pieces))
     if solids.jig:
         lengths = magnet_jig.lengths(design, choices.mold)
-        text = part_drawings.jig_sheet(design, s, lengths, solids.jig, solids.B)
+        text = part_drawings.jig_sheet(design, choices.mold, s, lengths, solids.jig, solids.B)
         atomic_files.write_text(stage / "jig.svg", text)
     if solids.plan:
         (stage / "assembly.step").write_bytes(
             solid_files.step(solid_files.assembly("sensor", coloured_parts(solids)))
         )
-        for name, text in part_drawings.sheets(design, solids.plan, solids.sensor, solids.bodies).items():
+        drawn = design, solids.plan, choices.mold.printing
+        for name, text in part_drawings.sheets(*drawn, solids.sensor, solids.bodies).items():
             atomic_files.write_text(stage / f"{name}.svg", text)
         atomic_files.write_text(stage / BOARD, board_drawing.board(design, solids.plan))
     return exported

@@ -5,7 +5,9 @@ Pages of results say the same in a sentence (`made`); a folder of tables has onl
 
 from __future__ import annotations
 
+import datetime
 import functools
+import os
 import platform
 import subprocess
 import tomllib
@@ -137,6 +139,12 @@ def installed(name: str) -> str | None:
         return metadata.version(name)
     except metadata.PackageNotFoundError:
         return None
+
+
+def today() -> datetime.date:
+    """Return today's date, or that of SOURCE_DATE_EPOCH, by which a build is repeated to the byte."""
+    seconds = os.environ.get("SOURCE_DATE_EPOCH")
+    return datetime.datetime.fromtimestamp(int(seconds), datetime.UTC).date() if seconds else datetime.date.today()
 
 
 def commit() -> str | None:
