@@ -17,11 +17,12 @@ from geometry.design import Design, paper
 from geometry.loads import Load
 from studies.cli.commands import app
 from studies.fabrication import symbol_drawings
+from studies.parts.requirements import Requirements
 from studies.quantities import QUANTITIES, UNITS
 
 DOCS = Path(__file__).resolve().parent
 FOLDER = DOCS / "reference"
-PAGES = ("design", "load", "python", "quantities", "tasks", "verbs")
+PAGES = ("design", "load", "python", "quantities", "requirements", "tasks", "verbs")
 """Names of the pages, each with its template."""
 DRAWINGS = {"sensor.svg": symbol_drawings.lengths, "loads.svg": symbol_drawings.loads}
 TASK = re.compile(r"^\| ([^|]+) \| `(magtip \w[^|]*)` \|$", re.M)
@@ -54,13 +55,20 @@ def fields(record: type) -> list[dict[str, str]]:
     return [
         {
             "name": spec.metadata.get("column") or spec.name,
-            "default": "" if spec.default in (None, "") else f"{spec.default}",
+            "default": shown(spec.default),
             "unit": UNITS[spec.metadata["unit"]],
             "range": within(spec.metadata),
             "words": spec.metadata["text"] + (" *(assumed)*" if spec.metadata.get("assumed") else ""),
         }
         for spec in dataclasses.fields(record)
     ]
+
+
+def shown(default: object) -> str:
+    """Return a default as text, nothing where there is none."""
+    if isinstance(default, tuple):
+        return ", ".join(default)
+    return "" if default in (None, dataclasses.MISSING) else f"{default}"
 
 
 def within(about: dict) -> str:
@@ -87,6 +95,7 @@ VALUES = {
     "load": lambda: {"fields": fields(Load)},
     "python": lambda: {"names": {name: isinstance(getattr(magtip, name), type) for name in magtip.__all__}},
     "quantities": lambda: {"quantities": QUANTITIES.values(), "units": UNITS},
+    "requirements": lambda: {"fields": fields(Requirements)},
     "tasks": tasks,
     "verbs": lambda: {"text": app.generate_docs().partition("**Design**:")[2]},
 }

@@ -1,8 +1,10 @@
-"""What a change costs: in a copy of the product two fields, a quantity, a model, a verb and a study of validation are
-added, each where it is declared and nowhere else; columns, JSON, headings, titles, controls and help follow."""
+"""What a change costs: in a copy of the product two fields, a quantity, a model, a verb, a study of validation and a
+criterion of sizing are added, each where it is declared and nowhere else; columns, JSON, headings, titles, controls,
+help, margins, yield and pages follow."""
 
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -12,6 +14,10 @@ import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("geometry", "analytic", "fem", "studies", "magtip")
+CRITERION = """    squeeze: float | None = _number(
+        "mm", 0.01, 9.0, "depth under the press", '"2 mm"',
+        criterion=at_most("deepest press", lambda of, needed: of["depth"] * of["D"]))
+"""
 DECLARED = {
     "geometry/design.py": (
         "\n    def __post_init__(self) -> None:\n        # a sweep",
@@ -24,6 +30,10 @@ DECLARED = {
     "studies/quantities.py": (
         '    Quantity("readings"',
         '    Quantity("sag", (Part("sag", "mm", "sag of a pad"),), derive=lambda of: of["force_N"] / 2),\n',
+    ),
+    "studies/parts/requirements.py": (
+        "    D_low: float | None",
+        CRITERION,
     ),
 }
 """Files of the product, each with the text before which something is declared, and its declaration."""
@@ -81,6 +91,30 @@ class Spring(Model):
         made = {"turns": design.L / design.D, "wire": "steel"}
         return Answer(design.D, design.E, pressed, "ok", "of a spring", NAN, 0.0, columns=made)
 '''
+SIZED = """
+import dataclasses
+import numpy as np
+from studies.parts.catalogues import catalogues_of
+from studies.parts.requirements import read_requirements
+from studies.sizing import conflicts, front_solves, front_yield, sizing_study
+from studies.web import required_margins
+
+design, needed = required_margins.sensor_of("fingertip")
+needed = dataclasses.replace(needed, squeeze=2.0)
+variant, reached = required_margins.variant_of(design, needed), required_margins.performance_of(design, needed)
+values = reached.one(0) | {f"{name}_half_width": 0.0 for name in front_solves.COMPARED}
+margins = {name: float(margin[0]) for name, margin in reached.margins.items()}
+point = front_solves.FrontPoint(1, variant, values, values, margins, [], "ok", "", 1, 1.0)
+sizing = sizing_study.Sizing(needed, catalogues_of(needed), sizing_study.Settings(), 1, 1, [point], None, None)
+shares = front_yield.shares_of(variant, needed, 8, intervals=False)
+gives = {"requirement": "squeeze", "value": 2.0, "gives": 0.5, "to": 2.5, "advice": 1}
+sized = {
+    "file": read_requirements("needed.toml").squeeze, "margins": margins, "depth": values["depth"] * design.D,
+    "row": list(point.row()), "page": sizing_study.page(sizing), "yield": list(shares.table.requirement),
+    "conflict": conflicts.Conflict((), 1, advices=(gives,)).sentence(),
+    "live": [row["name"] for row in required_margins.margins(design, needed)["rows"]],
+}
+"""
 PAGE = '# Pads\n\n{{ verdict }}\n\n{{ rows | table(dict(pad="pad", thickness_mm="thickness (mm)")) }}\n'
 ASKED = """
 import contextlib, io, json
@@ -119,7 +153,7 @@ print("RESULT" + json.dumps({
     "controls": [field for field in explorer_fields(Design(pad=3.0)) if field["name"] == "pad"],
     "label": design_digest.label({"pad_mm": 1.0, "D_mm": 8.0})["made_for"],
     "verbs": said("--help"), "verb": said("length", "paper", "--set", "L=11", "--json"),
-    "list": said("validate", "verify", "--help"),
+    "list": said("validate", "verify", "--help"), "example": said("size", "--example"), "sized": sized,
     "study": said("validate", "verify", "pads", "--pads", "2", "--out", "pages"),
 }))
 """
@@ -144,8 +178,9 @@ def copy(tmp_path_factory):
     (folder / "studies/models/spring.py").write_text(MODEL, "utf-8")
     (folder / "studies/validation/verify/pads.py").write_text(STUDY, "utf-8")
     (folder / "studies/validation/templates/pads.md.j2").write_text(PAGE, "utf-8")
+    (folder / "needed.toml").write_text('force_z = 5\nsqueeze = "0.2 cm"\n', "utf-8")
     env = {**os.environ, "PYTHONPATH": str(folder), "COLUMNS": "200"}
-    done = subprocess.run([sys.executable, "-c", ASKED], cwd=folder, env=env, capture_output=True, text=True)
+    done = subprocess.run([sys.executable, "-c", SIZED + ASKED], cwd=folder, env=env, capture_output=True, text=True)
     assert "RESULT" in done.stdout, done.stderr
     return folder, json.loads(done.stdout.rpartition("RESULT")[2])
 
@@ -253,3 +288,24 @@ def test_a_study_of_validation_is_a_module_and_a_template(copy):
     assert found["study"][0] == 0
     assert "thickness (mm)" in (folder / "pages" / "PADS.md").read_text("utf-8")
     assert "pad,thickness_mm" in (folder / "pages" / "pads.csv").read_text("utf-8")
+
+
+def test_a_criterion_is_a_key_of_requirements_with_its_unit_and_words(copy):
+    _, found = copy
+    assert 'squeeze = "2 mm"                   # depth under the press\n' in found["example"][1]
+    assert found["sized"]["file"] == 2.0
+
+
+def test_a_criterion_has_margins_columns_and_yield(copy):
+    sized = copy[1]["sized"]
+    assert sized["margins"]["squeeze"] == pytest.approx(1 - sized["depth"] / 2.0)
+    assert "margin_squeeze_percent" in sized["row"]
+    assert "squeeze" in sized["yield"]
+    assert "deepest press, at most 2" in sized["live"]
+
+
+def test_a_criterion_is_on_the_page_of_a_sizing_and_in_the_sentence_of_a_conflict(copy):
+    sized = copy[1]["sized"]
+    assert re.search(r"\| squeeze +\| 2 +\| mm +\| set +\| [\d.]+ +\|", sized["page"])
+    assert f"; deepest press: {sized['depth']:.3g} mm" in sized["page"]
+    assert "squeeze rises to 2.5 mm" in sized["conflict"]

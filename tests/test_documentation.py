@@ -14,6 +14,7 @@ from plain_environment import needed
 from docs import reference_pages
 from geometry.design import Design
 from studies.cli import commands
+from studies.parts.requirements import LIMITS
 from studies.quantities import QUANTITIES
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -98,6 +99,7 @@ def test_links_lead_to_files_and_headings(path):
         ("design", [spec.name for spec in dataclasses.fields(Design)]),
         ("load", ["depth", "shear", "shear_y", "friction", "grip", "plate_tilt", "imperfection"]),
         ("quantities", QUANTITIES),
+        ("requirements", LIMITS),
         ("tasks", [verb for verb in commands.app if not verb.startswith("-")]),
         ("python", ["Design", "solve", "answer"]),
     ],

@@ -3,8 +3,6 @@
 import dataclasses
 import json
 import math
-import re
-import typing
 from pathlib import Path
 
 import numpy as np
@@ -14,12 +12,11 @@ from analytic.parts import of_design
 from geometry.base import Base, plan
 from geometry.design import Design
 from geometry.hall_chips import CHIPS
-from studies.cli.design_commands import Wanted
 from studies.firmware import decoder_export
 from studies.inputs.user_input import read_design
 from studies.output.goals import Goal, failures
 from studies.parts.catalogues import catalogues_of, read_catalogue
-from studies.parts.requirements import KINDS, LIMITS, Requirements, read_requirements
+from studies.parts.requirements import LIMITS, Requirements, read_requirements
 from studies.sizing import advice, sizing_export
 from studies.sizing.advice import choices, could_give, demand
 from studies.sizing.candidate_variables import Space, Variant, part_fields
@@ -100,11 +97,6 @@ def test_every_key(toml, tmp_path):
         weight_range=2.0,
         weight_size=0.0,
     )
-
-
-def test_the_help_names_every_key():
-    text = typing.get_args(Wanted)[1].help.replace("[weights]", "weights")
-    assert set(re.findall(r"\w+", text.partition("Keys: ")[2].partition(";")[0])) - {"needed"} == set(KINDS)
 
 
 def test_size_says_which_of_its_arguments_is_missing(toml, run):

@@ -200,12 +200,7 @@ Wanted = Annotated[
     str,
     Parameter(
         name="REQUIREMENTS",
-        help="TOML file of requirements. Keys: force_z (needed), force_x, friction, press_with_shear, range_cap, "
-        "resolution_z, resolution_x, bandwidth, samples, chips, converter_noise, converter_step, converter_rate, "
-        "largest_strain, no_saturation, unique_decoding, stability_margin, drift_per_K, hysteresis, speed, "
-        "least_yield, first_mode, outer_size, outer_shape, screws, height, process, wall, D, catalogues, shipped, "
-        "magnets, hall_parts, "
-        "silicones, seed, version, [weights]; --example prints a file with all of them.",
+        help="TOML file of requirements; --example prints one with all keys, and what they mean.",
     ),
 ]
 
@@ -253,26 +248,26 @@ def size(
         Print a file of requirements with all keys, to edit, and do nothing else.
     """
     from studies.output.provenance import made, versions
-    from studies.parts.requirements import EXAMPLE, read_requirements
+    from studies.parts import requirements
     from studies.sizing import sizing_export, sizing_study
 
     if example:
-        print(EXAMPLE, end="")
+        print(requirements.example(), end="")
         return 0
     if not source:
         raise BadInput("size needs a file of requirements and --out FOLDER; size --example prints such a file")
     if out is None:
         raise BadInput("size needs --out FOLDER: add it behind the file of requirements")
     here = call.here(sizing_study.FILES)
-    requirements = read_requirements(source)
+    needed = requirements.read_requirements(source)
     settings = _settings(options)
-    for warning in requirements.warnings():
+    for warning in needed.warnings():
         console.warn(warning)
     check_files(here)
     atomic_files.check_apart([options.store], [source, options.calibration])
     sizing_export.check_parts(out)
     with atomic_files.filled(out, here.names) as folder, console.progress(as_json=call.as_json) as progress:
-        sizing = sizing_study.size(requirements, settings, progress=progress)
+        sizing = sizing_study.size(needed, settings, progress=progress)
         # parts of earlier requirements must not stand beside a new result
         sizing_export.remove(folder)
         origin = versions(())
@@ -285,9 +280,9 @@ def size(
                     "the best variant is not the design that was calibrated: its yield takes twelve planned presses"
                 )
                 result = replace(result, warnings=[*result.warnings, said])
-            sizing_export.write_design(sizing.winner.variant, requirements, folder, made(here.command, origin))
+            sizing_export.write_design(sizing.winner.variant, needed, folder, made(here.command, origin))
             if options.export:
-                parts = sizing_export.export(sizing.winner.variant, requirements, folder, progress)
+                parts = sizing_export.export(sizing.winner.variant, needed, folder, progress)
                 lost = [parts["message"]] if parts["status"] != "ok" else []
                 result = replace(
                     result, warnings=[*result.warnings, *parts["warnings"]], failures=[*result.failures, *lost]

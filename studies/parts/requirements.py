@@ -1,15 +1,18 @@
-"""Requirements of a sensor, read from a TOML file, for `magtip size`.
+"""Requirements of a sensor, read from a TOML file, for `magtip size`, and the criteria by which sensors are rated.
+
+A requirement is a field of `Requirements` with its unit, bounds, words and a value for the example. One that bounds
+what a sensor reaches has a `Criterion`: the value that is held against its bound, as a function of the figures of n
+sensors. Keys of files, `example`, margins, conflicts, yield, tables and pages follow from these rows.
 
 Input that cannot be used raises a `BadInput` here, whose message is one sentence with the remedy.
-
-`EXAMPLE` has all keys.
 """
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
@@ -25,15 +28,10 @@ from studies.inputs.units import quantity
 from studies.inputs.user_input import check_keys, checked, fabrication_of, table_beside, toml_table
 from studies.output.literals import literal
 
-EXAMPLE = Path(__file__).with_name("requirements_example.toml").read_text("utf-8")
-"""A file of requirements with all keys."""
 CONVERTER_RATE = 80e3
 """Values of three channels a second, Hz: the NI 9205 has 250 kS/s for all of its channels."""
 VERSION = 1
 """Newest version of the format of requirements."""
-AT_MOST = ("resolution_z", "resolution_x", "largest_strain", "drift_per_K", "hysteresis", "outer_size", "height")
-AT_LEAST = ("force_z", "force_x", "stability_margin", "first_mode", "wall")
-"""Requirements that bound a variant from above and from below, and can give."""
 CATALOGUES = ("magnets", "hall_parts", "silicones")
 """Kinds of parts, each with a shipped catalogue."""
 OBJECTIVES = ("range", "resolution", "size")
@@ -45,9 +43,85 @@ LIGHTEST = 0.25
 LEAST_SLENDERNESS = 0.75
 """Least L/D of the beams that the search considers."""
 
+SINGULAR = 1e-9
+"""Least determinant of the slopes of the readings, over the lengths of its columns, that counts as not zero."""
+MOST = 1.0
+"""Largest margin: more than twice a bound is no better."""
+Figures = Mapping[str, Array]
+"""Figures of n sensors by name, each of shape (n,), NaN where unknown: see `sizing.candidate_performance`."""
 
-def _number(unit: str, low: float, high: float, text: str, default: float | None = None) -> Any:
-    return field(default=default, metadata={"unit": unit, "low": low, "high": high, "text": text})
+
+@dataclass(frozen=True, slots=True)
+class Criterion:
+    """What a requirement asks of the figures of n sensors.
+
+    Attributes
+    ----------
+    way : 1 if the value must be at least the bound, -1 if it must be at most the bound.
+    words : what the value is, in tables.
+    value : a figure, or a function of figures and requirements, shape (n,), in the unit of the requirement.
+    margin : the signed margin where it is not that of the value, relative to the bound.
+    level : bound of a requirement that has no number.
+    gives : whether advice may loosen the bound.
+    varies : whether the value differs between made sensors of one design.
+    softest : whether it is worst at the least E, whatever the load.
+    name, unit : of the requirement, and the unit in which values are shown, "" for none.
+    """
+
+    way: int
+    words: str
+    value: str | Callable[[Figures, Requirements], Array]
+    margin: Callable[[Figures, Requirements], Array] | None = None
+    level: float | None = None
+    gives: bool = True
+    varies: bool = True
+    softest: bool = False
+    name: str = ""
+    unit: str = ""
+
+    @property
+    def figure(self) -> str:
+        """The figure that is the value, "" for a function."""
+        return self.value if isinstance(self.value, str) else ""
+
+    @property
+    def factor(self) -> float:
+        """The value in the shown unit over that in the unit of the requirement."""
+        return {"mN": 1e3, "%": 100.0}.get(self.unit, 1.0)
+
+    def value_of(self, of: Figures, needed: Requirements) -> Array:
+        """Return the value of n sensors, NaN where it is unknown."""
+        return of[self.value] if isinstance(self.value, str) else self.value(of, needed)
+
+    def margin_of(self, of: Figures, needed: Requirements, bound: float) -> Array:
+        """Return the signed margin of n sensors, negative where the bound is missed."""
+        if self.margin is not None:
+            return self.margin(of, needed)
+        value = self.value_of(of, needed)
+        return np.asarray(self.way * (value / bound - 1) if bound else self.way * value)
+
+
+at_least, at_most = partial(Criterion, 1), partial(Criterion, -1)
+
+
+def _of_press(of: Figures, needed: Requirements) -> Array:
+    reached = np.where(of["range_z"] > 0, of["range_z"] / needed.force_z, np.nan)
+    return np.asarray(np.fmin(np.fmax(of["reach"], reached) - 1, MOST))
+
+
+def _of_decoding(of: Figures, needed: Requirements) -> Array:
+    return np.asarray(np.minimum(of["decoding"] - SINGULAR, of["distinct"] - 1))
+
+
+def _key(default: Any, text: str, example: str = "", *, unit: str = "1", **more: Any) -> Any:
+    """Return a field: its words, a value for the example, and maybe the unit `shown` and a `criterion`."""
+    return field(default=default, metadata={"text": text, "example": example, "unit": unit, **more})
+
+
+def _number(
+    unit: str, low: float, high: float, text: str, example: str = "", *, default: Any = None, **more: Any
+) -> Any:
+    return _key(default, text, example, unit=unit, low=low, high=high, **more)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,10 +132,9 @@ class Requirements:
     and under each press from `least_press` on all forces along the plate up to `force_x`, in any direction. A load
     outside, such as one that needs more friction, never counts.
 
-    The fields say what they are; requirements_example.toml has them all. A resolution is the standard deviation of
-    the decoded force at the worst pose of the range, a strain the largest principal nominal one (stretch - 1), and
-    the stability margin is always a hard bound. `least_yield` counts in the ranking, not in the search. Names of
-    parts are empty for all parts.
+    The fields say what they are; `example()` has them all. A resolution is that at the worst pose of the range, a
+    strain the largest principal nominal one (stretch - 1), and the stability margin is always a hard bound.
+    `least_yield` counts in the ranking, not in the search. Names of parts are empty for all parts.
 
     >>> Requirements(force_z=5.0, resolution_z=6.0)
     Traceback (most recent call last):
@@ -69,45 +142,86 @@ class Requirements:
     geometry.bad_input.BadInput: resolution_z must be below the range force_z = 5 N; got 6 N
     """
 
-    force_z: float = field(metadata={"unit": "N", "low": 1e-3, "high": 1e4, "text": "normal force of the press"})
-    force_x: float | None = _number("N", 1e-3, 1e4, "force along the plate, in any direction")
-    friction: float = _number("1", 0.01, 10, "friction of the plate", 0.8)
-    press_with_shear: float | None = _number("N", 1e-3, 1e4, "least press under which force_x is needed")
-    range_cap: float | None = _number("1", 1, 1000, "largest useful load over the required one")
-    resolution_z: float | None = _number("N", 1e-9, 1e4, "resolution in z at the worst pose")
-    resolution_x: float | None = _number("N", 1e-9, 1e4, "resolution in x and y at the worst pose")
-    largest_strain: float | None = _number("1", 0.01, 5.0, "largest strain of the silicone")
-    stability_margin: float = _number("1", 1, 100, "critical depth over depth of the whole range", 1.0)
-    first_mode: float | None = _number("Hz", 0.1, 1e5, "first mode above")
-    drift_per_K: float | None = _number("1", 1e-7, 1.0, "change of the decoded forces per K, over full scale")
-    hysteresis: float | None = _number("1", 1e-4, 1.0, "gap of a press at mid-stroke, over full scale")
-    speed: float | None = _number("mm/s", 1e-6, 1e6, "speed of the plate")
-    outer_size: float | None = _number("mm", 0.1, 1000, "outer size of the base")
-    height: float | None = _number("mm", 0.1, 5000, "total height")
-    least_yield: float | None = _number("1", 0.01, 0.99, "least share of made sensors that meet all the others")
+    # fmt: off
+    force_z: float = _number(
+        "N", 1e-3, 1e4, "normal force of the press", '"5 N"', default=dataclasses.MISSING, criterion=
+        at_least("press force", lambda of, needed: of["reach"] * needed.force_z, margin=_of_press, softest=True))
+    force_x: float | None = _number(
+        "N", 1e-3, 1e4, "force along the plate, in any direction", '"2 N"', criterion=
+        at_least("force along the plate", lambda of, needed: of["reach_x"] * needed.bound("force_x"),
+                 margin=lambda of, _: of["reach_x"] - 1))
+    friction: float = _number("1", 0.01, 10, "friction of the plate", "0.8", default=0.8)
+    press_with_shear: float | None = _number(
+        "N", 1e-3, 1e4, "least press under which force_x is needed; default: force_x / friction", '"2.5 N"')
+    range_cap: float | None = _number(
+        "1", 1, 1000, "loads beyond so many times the required ones have no value; default: none", "3")
+    resolution_z: float | None = _number(
+        "N", 1e-9, 1e4, "standard deviation of the decoded force in z at the worst load", '"50 mN"', shown="mN",
+        criterion=at_most("resolution in z", "resolution_z"))
+    resolution_x: float | None = _number(
+        "N", 1e-9, 1e4, "standard deviation of the decoded force in x and y at the worst load", '"50 mN"', shown="mN",
+        criterion=at_most("resolution in x and y", "resolution_x"))
+    largest_strain: float | None = _number(
+        "1", 0.01, 5.0, "largest strain of the silicone, under any load", '"100 %"', shown="%",
+        criterion=at_most("largest strain", "strain"))
+    drift_per_K: float | None = _number(
+        "1", 1e-7, 1.0, "change of the decoded forces per K, over full scale", '"2 %"', shown="%",
+        criterion=at_most("drift of the forces per K, of full scale", "drift"))
+    hysteresis: float | None = _number(
+        "1", 1e-4, 1.0, "gap of loading and unloading at mid-stroke, over full scale", '"10 %"', shown="%",
+        criterion=at_most("hysteresis of a press, of full scale", "hysteresis"))
+    speed: float | None = _number("mm/s", 1e-6, 1e6, "speed of the plate, for hysteresis", '"1 mm/s"')
+    stability_margin: float = _number(
+        "1", 1, 100, "critical depth over the depth of the whole press", "1.2", default=1.0, criterion=
+        at_least("critical depth over depth", lambda of, _: of["stable_to"] / of["depth"], softest=True))
+    first_mode: float | None = _number(
+        "Hz", 0.1, 1e5, "lowest natural frequency of the unloaded sensor", '"50 Hz"',
+        criterion=at_least("first mode", "first_mode", softest=True))
+    bandwidth: float | None = _number(
+        "Hz", 1e-3, 1e6, "of the readings (-3 dB), of which twice as many come a second", '"100 Hz"',
+        criterion=at_least("bandwidth of the readings", "bandwidth", gives=False, varies=False))
+    outer_size: float | None = _number(
+        "mm", 0.1, 1000, "diameter or side of the base", '"20 mm"',
+        criterion=at_most("outer size", "outer_size", varies=False))
+    height: float | None = _number(
+        "mm", 0.1, 5000, "from the underside of the base to the tip", '"30 mm"',
+        criterion=at_most("height", "height", varies=False))
+    least_yield: float | None = _number(
+        "1", 0.01, 0.99, "least share of made sensors that meet all the others", '"90 %"', shown="%")
     D_low: float | None = _number("mm", 0.1, 200, "least diameter")
     D_high: float | None = _number("mm", 0.1, 200, "largest diameter")
-    wall: float | None = _number("mm", 0.05, 10, "thinnest printed wall")
-    no_saturation: bool = True
-    unique_decoding: bool = True
-    bandwidth: float | None = _number("Hz", 1e-3, 1e6, "bandwidth of the readings")
-    converter_noise: float = _number("V", 0, 1, "noise of the converter (rms)", CONVERTER_NOISE)
-    converter_step: float = _number("V", 0, 1, "step of the converter", CONVERTER_STEP)
-    converter_rate: float = _number("Hz", 1e-3, 1e7, "values of all one-axis parts a second", CONVERTER_RATE)
-    samples: int = 1
-    chips: int = 1
-    outer_shape: Literal["round", "square"] = "round"
-    screws: bool = True
-    process: Literal["fdm", "sla"] = "fdm"
-    catalogues: tuple[str, ...] = ()
-    shipped: tuple[str, ...] = CATALOGUES
-    magnets: tuple[str, ...] = ()
-    hall_parts: tuple[str, ...] = ()
-    silicones: tuple[str, ...] = ()
-    seed: int = 0
-    weight_range: float = 1.0
-    weight_resolution: float = 1.0
-    weight_size: float = 1.0
+    wall: float | None = _number(
+        "mm", 0.05, 10, "thinnest printed wall or pin; default: that of the process", '"0.5 mm"',
+        criterion=at_least("thinnest wall", "wall", varies=False))
+    no_saturation: bool = _key(
+        True, "no reading reaches a rail", "true", shown="%",
+        criterion=at_least("distance from the rail", "saturation", level=0.0))
+    unique_decoding: bool = _key(
+        True, "no two loads have the same readings", "true",
+        criterion=at_least("readings apart, over noise", "distinct", margin=_of_decoding, level=1.0))
+    converter_noise: float = _number(
+        "V", 0, 1, "noise (rms) of the converter of one-axis parts; default: NI 9205", '"0.244 mV"',
+        default=CONVERTER_NOISE)
+    converter_step: float = _number(
+        "V", 0, 1, "step of the converter; default: NI 9205", '"0.305 mV"', default=CONVERTER_STEP)
+    converter_rate: float = _number(
+        "Hz", 1e-3, 1e7, "values of all one-axis parts a second; default: NI 9205", '"80 kHz"',
+        default=CONVERTER_RATE)
+    samples: int = _key(1, "values of which a reading is the average; fewer where a part has not so many", "16")
+    chips: int = _key(1, "largest number of 3-axis chips of a sensor, up to 4", "3")
+    outer_shape: Literal["round", "square"] = _key("round", "outline of the base, round or square", '"round"')
+    screws: bool = _key(True, "holes for four screws in a square base", "true")
+    process: Literal["fdm", "sla"] = _key("fdm", "process that prints mould and base, sla or fdm", '"sla"')
+    catalogues: tuple[str, ...] = _key((), "catalogues of the user, see `magtip catalogue`", '["my_parts.toml"]')
+    shipped: tuple[str, ...] = _key(CATALOGUES, "shipped catalogues in use; default: all three", '["magnets"]')
+    magnets: tuple[str, ...] = _key((), "names of the magnets in use; default: all of the catalogues", '["4x2 N35"]')
+    hall_parts: tuple[str, ...] = _key((), "names of the Hall parts in use; default: all", '["SS495A"]')
+    silicones: tuple[str, ...] = _key((), "names of the silicones in use; default: all", '["Dragon Skin 30"]')
+    seed: int = _key(0, "seed of the search", "0")
+    weight_range: float = _key(1.0, "weight of the range in the ranking")
+    weight_resolution: float = _key(1.0, "weight of the resolution in the ranking")
+    weight_size: float = _key(1.0, "weight of the outer size in the ranking")
+    # fmt: on
 
     @property
     def rated(self) -> tuple[float, float]:
@@ -208,8 +322,17 @@ class Requirements:
         return PROCESSES[self.process].detail if self.wall is None else self.wall
 
     def bound(self, name: str) -> float:
-        """Return the value of a requirement that bounds a variant."""
+        """Return the value of a requirement that is set."""
         return float(self.printed_wall if name == "wall" else getattr(self, name))
+
+    def criteria(self) -> list[tuple[Criterion, float]]:
+        """Return what is required of the figures of a sensor, each with its bound."""
+        found = []
+        for name, each in CRITERIA.items():
+            value = self.printed_wall if name == "wall" else getattr(self, name, True)
+            if value is not None and value is not False:
+                found.append((each, value if each.level is None else each.level))
+        return found
 
     def rows(self) -> list[dict[str, Any]]:
         """Return a row for each requirement: its value, unit and whether it is set, a default, or unset.
@@ -223,8 +346,8 @@ class Requirements:
             state = "unset" if value is None else "default" if value == spec.default else "set"
             if spec.name == "press_with_shear" and value is None and self.force_x is not None:
                 value, state = self.least_press, "default"
-            unit, text = spec.metadata.get("unit", "1"), spec.metadata.get("text", spec.name.replace("_", " "))
-            rows.append({"requirement": spec.name, "value": value, "unit": unit, "state": state, "meaning": text})
+            about = {"unit": spec.metadata["unit"], "state": state, "meaning": spec.metadata["text"]}
+            rows.append({"requirement": spec.name, "value": value, **about})
         return rows
 
     def warnings(self) -> list[str]:
@@ -237,10 +360,27 @@ class Requirements:
         return [text] if resolution and self.bandwidth is None else []
 
 
-LIMITS = {spec.name: spec for spec in dataclasses.fields(Requirements) if "unit" in spec.metadata}
+FIELDS = dataclasses.fields(Requirements)
+LIMITS = {spec.name: spec for spec in FIELDS if "low" in spec.metadata}
 """Fields of `Requirements` with a number, a unit and a range, by name."""
-SWITCHES = tuple(spec for spec in dataclasses.fields(Requirements) if spec.default is True)
+SWITCHES = tuple(spec for spec in FIELDS if spec.default is True)
 """Fields of `Requirements` that are required or not."""
+SHOWN = {spec.name: spec.metadata.get("shown", spec.metadata["unit"]).replace("1", "") for spec in FIELDS}
+"""Units in which values of the fields are shown, "" for none."""
+CRITERIA = {
+    spec.name: dataclasses.replace(spec.metadata["criterion"], name=spec.name, unit=SHOWN[spec.name])
+    for spec in FIELDS
+    if "criterion" in spec.metadata
+}
+CRITERIA["clearance"] = at_least(
+    "gap beside the beam", "clearance", level=0.0, varies=False, name="clearance", unit="mm"
+)
+"""What sensors are rated by, in the order of the fields; the gap beside the beam is always required."""
+AT_LEAST, AT_MOST = (
+    tuple(name for name, each in CRITERIA.items() if each.way == way and each.level is None and each.gives)
+    for way in (1, -1)
+)
+"""Requirements that bound a variant from below and from above, and can give."""
 
 
 def full_scale(needed: Requirements | None, largest: float, words: str) -> tuple[float, str]:
@@ -311,7 +451,7 @@ KINDS: dict[str, Any] = {
     "version": int,
     **{name: _NUMBER for name in LIMITS if name not in ENDS},
     "D": float | str | list[Any],
-    **dict.fromkeys(("no_saturation", "unique_decoding", "screws"), bool),
+    **{spec.name: bool for spec in SWITCHES},
     **dict.fromkeys(("samples", "chips"), int),
     "outer_shape": Literal["round", "square"],
     "process": Literal["fdm", "sla"],
@@ -320,6 +460,34 @@ KINDS: dict[str, Any] = {
     "weights": dict[str, Any],
 }
 """Types of all keys of a file."""
+IDLE = ("range_cap", "wall", "catalogues", "shipped", *CATALOGUES)
+"""Keys that are comments in the example, because they leave parts or variants out."""
+
+
+def example() -> str:
+    """Return a file of requirements with all keys, to edit."""
+    text = (
+        "# Requirements for `magtip size`. All keys but force_z are optional; a number may be a text with its unit.\n"
+    )
+    rows = [("version", str(VERSION), "of this format")]
+    for spec in FIELDS:
+        said, default, unit = spec.metadata["text"], spec.default, spec.metadata["unit"]
+        if "default:" not in said and isinstance(default, (int, float, str)):
+            value = (
+                literal(default)
+                if isinstance(default, bool)
+                else f"{default:{'' if isinstance(default, str) else 'g'}}"
+            )
+            said += f"; default: {value} {unit}".removesuffix(" 1")
+        rows.append((f"# {spec.name}" if spec.name in IDLE else spec.name, spec.metadata["example"], said))
+    rows.append(("# D", '["6 mm", "10 mm"]', "range of the diameter, or one value"))
+    text += "".join(f"{f'{key} = {value}':<34} # {said}\n" for key, value, said in rows if value)
+    return text + "".join(
+        [
+            f"{'[weights]':<34} # of the ranking; default: 1 each\n",
+            *(f"{name} = 1\n" for name in OBJECTIVES),
+        ]
+    )
 
 
 def _fields(path: str, values: Mapping[str, Any]) -> dict[str, Any]:

@@ -27,7 +27,7 @@ from studies.cases import FiniteElements
 from studies.mechanics import store as stores
 from studies.output.records import FlatRow
 from studies.parts.catalogues import Catalogues, catalogues_of
-from studies.parts.requirements import AT_LEAST, AT_MOST, CATALOGUES, LIMITS, MOST_SAMPLES, Requirements
+from studies.parts.requirements import AT_LEAST, AT_MOST, CATALOGUES, CRITERIA, LIMITS, MOST_SAMPLES, Requirements
 from studies.sizing import front_yield
 from studies.sizing.candidate_performance import performance
 from studies.sizing.candidate_variables import Candidates, Variant
@@ -302,7 +302,7 @@ def _proved(
 
 def _kept(name: str, needed: Requirements, point: FrontPoint) -> float:
     """Return a bound: of a length, which all models share, that of the variant."""
-    exact = name in ("outer_size", "height")
+    exact = name in AT_MOST and not CRITERIA[name].varies
     return rounded(point.solved[name], up=True) if exact else needed.bound(name)
 
 

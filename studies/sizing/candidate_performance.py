@@ -44,17 +44,15 @@ from studies.beam.beam_curves import (
 )
 from studies.beam.beam_model import RatedBeams
 from studies.parts.catalogues import PRESS_GAP, SPRING_GAP
-from studies.parts.requirements import Requirements
+from studies.parts.requirements import MOST, SINGULAR, Requirements
 from studies.sizing.sensor_arrays import Sensors
 
 HALF_TURN, WHOLE_TURN = np.radians(45.0 * np.arange(1, -4, -1)), np.radians(45.0 * np.arange(8))
 """Directions of forces along the plate: of sensors that the plane x = y mirrors, and of all others."""
-SINGULAR = 1e-9
-"""Least determinant of the slopes of the readings, over the lengths of its columns, that counts as not zero."""
 NO_SHEAR = 0.05
 """Shear over D that shows how readings change sideways where no force along the plate is required."""
-MOST, LEAST = 1.0, -1e3
-"""Bounds of a margin: more than twice a bound is no better, and NaN, where the source has no answer, is the worst."""
+LEAST = -1e3
+"""Least margin: NaN, where the source has no answer, is the worst."""
 DEEPER = 1.04
 """Depths and shears to which finite elements are asked, over those of the surrogate; the least depth is divided."""
 LEAST_ASKED = 0.02
@@ -80,7 +78,8 @@ class Performance:
         lengths of its columns, negative if its sign changes); drift per K and
         hysteresis, over full scale; distinct (least distance of the readings of two loads,
         in standard deviations of their noise); clearance, outer_size, height, wall, mm; reach and reach_x (largest
-        press and force along the plate that the source covers, over the required ones); bandwidth of readings, Hz.
+        press and force along the plate that the source covers, over the required ones); bandwidth of readings, Hz;
+        D and L, mm.
     margins : signed margins of the requirements, relative to their bounds, clipped to LEAST and MOST.
     corner, loads : for each of the p poses the corner (0 the least E, 1 the largest) and normal force, force along
         the plate, N, and its direction, rad, shape (n, p, 3).
@@ -145,7 +144,7 @@ def performance(
         sensors, pressed, known, stable, units, share, needed, loads, *poses, caution, limit is not None
     )  # fmt: skip
     top = part.top_force(pressed.softer(caution), known)
-    values = {name: np.full(n, np.nan) for name in FIGURES}
+    values = {name: np.full(n, np.nan) for name in FIGURES} | {"D": sensors.D, "L": sensors.L}
     values |= {"reach": top / (share[:, 0] * needed.force_z), "stable_to": stable, "outer_size": sensors.size}
     values |= {"critical": _critical(beams, caution), "height": sensors.height, "wall": sensors.wall}
     values["bandwidth"] = sensors.bandwidth
@@ -584,33 +583,6 @@ def missed(margins: Mapping[str, Array]) -> Array:
 
 def margins(values: Mapping[str, Array], needed: Requirements) -> dict[str, Array]:
     """Return the signed margins of the requirements, relative to their bounds; negative where one is missed."""
-    reached = np.where(values["range_z"] > 0, values["range_z"] / needed.force_z, np.nan)
-    # name in the requirements, value, and +1 for a bound from below or -1 for one from above
-    compared = [
-        ("resolution_z", values["resolution_z"], -1),
-        ("resolution_x", values["resolution_x"], -1),
-        ("largest_strain", values["strain"], -1),
-        ("drift_per_K", values["drift"], -1),
-        ("hysteresis", values["hysteresis"], -1),
-        ("stability_margin", values["stable_to"] / values["depth"], 1),
-        ("first_mode", values["first_mode"], 1),
-        ("bandwidth", values["bandwidth"], 1),
-        ("outer_size", values["outer_size"], -1),
-        ("height", values["height"], -1),
-    ]
-    signed = {"force_z": np.fmin(np.fmax(values["reach"], reached) - 1, MOST)}
-    if needed.force_x is not None:
-        signed["force_x"] = values["reach_x"] - 1
-    signed |= {
-        name: way * (value / bound - 1)
-        for name, value, way in compared
-        if (bound := getattr(needed, name)) is not None
-    }
-    signed["wall"] = values["wall"] / needed.printed_wall - 1
-    if needed.no_saturation:
-        signed["no_saturation"] = values["saturation"]
-    if needed.unique_decoding:
-        signed["unique_decoding"] = np.minimum(values["decoding"] - SINGULAR, values["distinct"] - 1)
-    signed["clearance"] = values["clearance"]
+    signed = {each.name: each.margin_of(values, needed, bound) for each, bound in needed.criteria()}
     # a large one would hide the others; what is known is not as bad as what is not
     return {n: np.where(np.isnan(v), LEAST, np.clip(v, 0.999 * LEAST, MOST)) for n, v in signed.items()}

@@ -36,9 +36,10 @@ from studies.beam.beam_curves import SOLVED_DEPTHS
 from studies.cases import FiniteElements
 from studies.mechanics.tasks import finished
 from studies.output.records import FlatRow
+from studies.parts.requirements import CRITERIA, MOST
 from studies.simulation.solved_beams import MOTIONS, SolvedBeams
 from studies.sizing import front_yield
-from studies.sizing.candidate_performance import LEAST, MOST, NO_SHEAR, Performance, margins, performance
+from studies.sizing.candidate_performance import LEAST, NO_SHEAR, Performance, margins, performance
 from studies.sizing.candidate_variables import Candidates, Variant
 from studies.sizing.front_yield import Shares
 from studies.sizing.sensor_arrays import sensors_of
@@ -66,12 +67,10 @@ COMPARED = {
 ALIKE = {"outer_size": "outer_size_mm", "height": "height_mm", "wall": "wall_mm"}
 """Lengths, which do not depend on the source."""
 NAMED = {
-    "strain": ("largest strain", 100.0, "%"),
-    "resolution_z": ("resolution in z", 1e3, "mN"),
-    "resolution_x": ("resolution in x", 1e3, "mN"),
-    "saturation": ("distance from the rail", 100.0, "%"),
+    CRITERIA[name].figure: CRITERIA[name]
+    for name in ("largest_strain", "resolution_z", "resolution_x", "no_saturation")
 }
-"""Figures whose worst loads are named: words, factor and unit."""
+"""Criteria whose worst loads are named, by their figures."""
 ENDS_OF_RANGE = ("largest_strain", "stability_margin", "no_saturation")
 """Requirements that end the range."""
 CORRECTED = 3
@@ -269,7 +268,7 @@ def _judged(point: FrontPoint, needed: Requirements) -> FrontPoint:
 def _worst(solved: Performance, k: int, variant: Variant) -> list[FlatRow]:
     rows: list[FlatRow] = []
     D, silicone, magnet = variant.design.D, variant.silicone, variant.magnet
-    for name, (_, factor, unit) in NAMED.items():
+    for name, criterion in NAMED.items():
         at = int(solved.worst[name][k])
         if at < 0 or not np.isfinite(solved.values[name][k]):
             continue
@@ -277,8 +276,8 @@ def _worst(solved: Performance, k: int, variant: Variant) -> list[FlatRow]:
         rows.append(
             {
                 "figure": name,
-                "value": factor * float(solved.values[name][k]),
-                "unit": unit,
+                "value": criterion.factor * float(solved.values[name][k]),
+                "unit": criterion.unit,
                 "E_MPa": (silicone.E_low, silicone.E_high)[solved.corner[at]],
                 "remanence_T": magnet.remanence_high if name == "saturation" else magnet.remanence_low,
                 "force_z_N": z,

@@ -35,6 +35,7 @@ from studies.calibration.sensor_fit import Fit, Sensor
 from studies.output import page_templates
 from studies.output.records import FlatRow
 from studies.parts.part_tolerances import Parts, batches_of, of_batch, tolerances_of
+from studies.parts.requirements import CRITERIA
 from studies.sensitivity.beam_motions import SURROGATE, Press, motions
 from studies.sensitivity.calibration import spread_of
 from studies.sensitivity.made_sensors import MadeSensors, made_sensors, share_with_error
@@ -309,10 +310,9 @@ def _margins(
     beams = made.beams()
     possible = possible & (beams.outside == "")
     result = performance(made, beams, requirements, caution=caution)
-    margins = {name: np.where(possible, values, -1.0) for name, values in result.margins.items()}
     # base, mould and rate are those of the nominal design
-    for name in ("outer_size", "height", "wall", "clearance", "bandwidth"):
-        margins.pop(name, None)
+    own = {name: values for name, values in result.margins.items() if CRITERIA[name].varies}
+    margins = {name: np.where(possible, values, -1.0) for name, values in own.items()}
     return margins | {IMPOSSIBLE: np.where(possible, 1.0, -1.0)}
 
 

@@ -9,11 +9,13 @@ from __future__ import annotations
 import dataclasses
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from fem.accuracy import STANDARD, Accuracy
 from fem.scene import Model
@@ -31,11 +33,13 @@ from studies.output.figures import picture
 from studies.output.records import FlatRow
 from studies.output.result import Block, Result, Table, Writer
 from studies.parts.catalogues import Catalogues, catalogues_of
-from studies.parts.requirements import Requirements
+from studies.parts.requirements import CRITERIA, Requirements
 from studies.sizing import conflicts, front_yield, sizing_figures
 from studies.sizing.advice import Proof
 from studies.sizing.conflicts import Conflict
 from studies.sizing.front_solves import (
+    ALIKE,
+    COMPARED,
     NAMED,
     FrontPoint,
     largest_differences,
@@ -43,7 +47,7 @@ from studies.sizing.front_solves import (
     solved_front,
 )
 from studies.sizing.front_yield import Yield
-from studies.sizing.variant_search import Effort, part_of, searched, whole_front
+from studies.sizing.variant_search import FORCES, Effort, part_of, searched, whole_front
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -409,7 +413,21 @@ def page(sizing: Sizing) -> str:
         else [{"quantity": k, "value": v} for k, v in nearest.row().items() if v is not None and v == v],
         nearest_worst=[] if nearest is None else nearest.worst,
         misses=[{"requirement": name, "margin, %": 100 * margins[name]} for name in least],
+        reached=[] if sizing.winner is None else _reached(sizing.winner.solved, sizing.requirements),
     )
+
+
+def _reached(solved: Mapping[str, float], needed: Requirements) -> list[FlatRow]:
+    """Return what a point reaches in the criteria beside forces that bound a number, or that were compared."""
+    asked = [each.name for each, _ in needed.criteria()]
+    values = {name: np.array(value) for name, value in solved.items()}
+    rows = []
+    for name, each in CRITERIA.items():
+        if name in FORCES or each.level is not None or not (name in asked or each.figure in (*COMPARED, *ALIKE)):
+            continue
+        value = each.factor * float(each.value_of(values, needed))
+        rows += [{"words": each.words, "value": value, "unit": each.unit}] * math.isfinite(value)
+    return rows
 
 
 def _of_noise(keys: tuple[str, ...]) -> list[str]:

@@ -20,7 +20,7 @@ from geometry.messages import Progress
 from studies.beam import surrogate_range, surrogate_response
 from studies.inputs import user_input
 from studies.parts.catalogues import catalogues_of
-from studies.parts.requirements import Requirements, read_requirements, stated_requirements
+from studies.parts.requirements import Criterion, Requirements, read_requirements, stated_requirements
 from studies.sizing import candidate_performance, sensor_arrays, variant_search
 from studies.sizing.candidate_performance import Performance
 from studies.sizing.candidate_variables import Variant
@@ -34,30 +34,6 @@ NO_REQUIREMENTS = (
     "started with a file of requirements, or with a design file that has a table [requirements], such as the "
     "winner.toml of magtip size, magtip explore shows here what the sensor leaves of each"
 )
-ROWS = {
-    "force_z": ("press force", 1, "N", "reach"),
-    "force_x": ("force along the plate", 1, "N", "reach_x"),
-    "resolution_z": ("resolution in z", -1, "mN", "resolution_z"),
-    "resolution_x": ("resolution in x and y", -1, "mN", "resolution_x"),
-    "largest_strain": ("largest strain", -1, "%", "strain"),
-    "drift_per_K": ("drift of the forces per K, of full scale", -1, "%", "drift"),
-    "hysteresis": ("hysteresis of a press, of full scale", -1, "%", "hysteresis"),
-    "stability_margin": ("critical depth over depth", 1, "", "stable_to"),
-    "first_mode": ("first mode", 1, "Hz", "first_mode"),
-    "bandwidth": ("bandwidth of the readings", 1, "Hz", "bandwidth"),
-    "outer_size": ("outer size", -1, "mm", "outer_size"),
-    "height": ("height", -1, "mm", "height"),
-    "wall": ("thinnest wall", 1, "mm", "wall"),
-    "no_saturation": ("distance from the rail", 1, "%", "saturation"),
-    "unique_decoding": ("readings apart, over noise", 1, "", "distinct"),
-    "clearance": ("gap beside the beam", 1, "mm", "clearance"),
-}
-"""Words, +1 for a bound from below or -1 for one from above, unit and figure of each requirement."""
-SCALE = {"mN": 1e3, "%": 100.0}
-BOUNDS = {"no_saturation": 0.0, "unique_decoding": 1.0, "clearance": 0.0}
-"""Bounds that are no numbers of a file of requirements."""
-OF_SOFTEST = ("force_z", "stability_margin", "first_mode")
-"""Requirements that are hardest to meet at the least E, whatever the load."""
 
 
 def sensor_of(
@@ -152,7 +128,7 @@ def margins(design: Design, needed: Requirements | None) -> Data:
     except BadInput as error:
         return refusal(str(error))
     variant = variant_of(design, needed)
-    rows = [_row(name, float(margin[0]), result, variant, needed) for name, margin in result.margins.items()]
+    rows = [_row(*each, result, variant, needed) for each in needed.criteria()]
     missed = sum(float(margin[0]) < 0 for margin in result.margins.values())
     verdict = f"{missed} of {len(rows)} requirements missed" if missed else "All requirements are met"
     E, magnet, range_z = variant.silicone, variant.magnet, float(result.values["range_z"][0])
@@ -166,31 +142,29 @@ def margins(design: Design, needed: Requirements | None) -> Data:
     }
 
 
-def _row(name: str, margin: float, result: Performance, variant: Variant, needed: Requirements) -> Data:
-    words, way, unit, figure = ROWS[name]
-    scale = SCALE.get(unit, 1.0)
-    bound = needed.printed_wall if name == "wall" else BOUNDS.get(name)
-    bound = float(getattr(needed, name)) if bound is None else bound
-    value = float(result.values[figure][0])
-    if name == "stability_margin":
-        value /= float(result.values["depth"][0])
-    elif name in ("force_z", "force_x"):
-        value *= bound
+def _row(criterion: Criterion, bound: float, result: Performance, variant: Variant, needed: Requirements) -> Data:
+    name, unit, scale, margin = (
+        criterion.name,
+        criterion.unit,
+        criterion.factor,
+        float(result.margins[criterion.name][0]),
+    )
+    value = float(criterion.value_of(result.values, needed)[0])
     share = f"{abs(100 * margin):.3g} %"
     text = f"{share} left" if margin >= 0 else f"missed by {share}"
     if math.isnan(value):
         text = "not known: no noise is given" if name.startswith("resolution") else "not known"
     elif name in ("no_saturation", "clearance"):
         text = "met" if margin >= 0 else "missed"
-    name_and_bound = f"{words}, at {'least' if way > 0 else 'most'} {scale * bound:.4g}"
+    name_and_bound = f"{criterion.words}, at {'least' if criterion.way > 0 else 'most'} {scale * bound:.4g}"
     known = scale * value if math.isfinite(value) else None
-    return number(name_and_bound, unit, known, text, _corner(name, figure, result, variant))
+    return number(name_and_bound, unit, known, text, _corner(criterion, result, variant))
 
 
-def _corner(name: str, figure: str, result: Performance, variant: Variant) -> str:
+def _corner(criterion: Criterion, result: Performance, variant: Variant) -> str:
     """Return the sensor and the load at which a figure is worst; "" where it is the same for all."""
-    silicone, magnet = variant.silicone, variant.magnet
-    if name in OF_SOFTEST:
+    silicone, magnet, figure = variant.silicone, variant.magnet, criterion.figure
+    if criterion.softest:
         return f"E = {silicone.E_low:.3g} MPa"
     at = int(result.worst[figure][0]) if figure in result.worst else -1
     if at < 0:
