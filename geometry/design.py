@@ -125,6 +125,13 @@ class Shape:
         """Height of the hemisphere's centre, which is the magnet's centre."""
         return self.L - self.D / 2
 
+    def plate_height(self, depth: float, plate_tilt: float = 0.0) -> float:
+        """Return the height on the axis of a plate that was pressed down from first touch, tilted by an angle, rad.
+
+        A tilted plate touches the tip off the axis first, while it is higher on the axis.
+        """
+        return self.L - depth + self.R * (1 / math.cos(plate_tilt) - 1)
+
     @property
     def has_magnet(self) -> bool:
         return self.magnet_diameter > 0

@@ -12,19 +12,11 @@ import pytest
 from conftest import ROUGH
 
 from fem.accuracy import QUICK, STANDARD
-from fem.analyses.force_targets import (
-    FORCE_TOLERANCE,
-    SHARED_TOLERANCE,
-    CurvePoint,
-    ForceTarget,
-    LoadingCurve,
-    NotReached,
-    solve_force,
-    walk_forces,
-)
+from fem.analyses.force_targets import ForceTarget, solve_force, walk_forces
 from fem.equilibrium import solve, trace
 from fem.solution import ForceOutOfReach
 from fem.solve.load_case_models import SHALLOW
+from fem.solve.loading_curve import FORCE_TOLERANCE, SHARED_TOLERANCE, CurvePoint, LoadingCurve, NotReached
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load
 

@@ -118,8 +118,7 @@ class PathState:
         shape, stiffness = self.d.shape, self.stiffness
         if stiffness is None:
             stiffness = self.kappa / (shape.R if self.grip else math.sqrt(shape.R * max(depth, FIRST_TOUCH)))
-        # a tilted plate touches the dome off the axis first, while the plate is higher on the axis
-        height = None if self.grip else shape.L - depth + shape.R * (1 / math.cos(self.tilt) - 1)
+        height = None if self.grip else shape.plate_height(depth, self.tilt)
         return Plate(height, stiffness, np.array(shear), self.tilt, self.bond, friction=self.friction)
 
     @functools.cached_property

@@ -78,7 +78,7 @@ def loads(design: Design) -> str:
     _lean(sheared, _centre(design, state), state.tilt, 1.2 * D, "tilt > 0")
 
     tilted, _ = _under(design, Load(depth, plate_tilt=tilt), "press by a tilted plate")
-    _lean(tilted, (0.0, L - depth + R * (1 / math.cos(tilt) - 1)), tilt, 0.6 * D, "plate tilt > 0")
+    _lean(tilted, (0.0, design.shape.plate_height(depth, tilt)), tilt, 0.6 * D, "plate tilt > 0")
 
     held, state = _under(design, Load(grip=grip, shear_x=shear), "grip, then shear")
     held.dims += [((-R, L), (-R, L - grip), "left", 0, "grip"), ((0.0, L), (shear, L), "above", 0, "shear > 0")]
@@ -115,7 +115,7 @@ def _plate(design: Design, load: Load, depth: float) -> Array:
     R, slope = design.R, math.tan(load.plate_tilt)
     middle = load.shear_x if depth else 0.0
     x = np.array([-1.5, 1.5, 1.5, -1.5]) * R + middle
-    lower = design.L - depth + R * (1 / math.cos(load.plate_tilt) - 1) - slope * x
+    lower = design.shape.plate_height(depth, load.plate_tilt) - slope * x
     return np.column_stack([x, lower + np.array([0.0, 0.0, THICK, THICK]) * R])
 
 

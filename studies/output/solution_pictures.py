@@ -230,8 +230,7 @@ def plate_span(design: Design, solution: Solution, moved: Array, slope: float) -
 
 
 def _bottom(design: Design, solution: Solution) -> float:
-    load = solution.load
-    return design.L - load.depth + design.R * (1 / math.cos(load.plate_tilt) - 1)
+    return design.shape.plate_height(solution.load.depth, solution.load.plate_tilt)
 
 
 def _round_length(length: float) -> float:

@@ -75,7 +75,7 @@ def section(design: Design, solution: Solution, magnet: Magnet) -> dict[str, Any
     outline = np.zeros((0, 2))
     if magnet == "rigid":
         outline = magnet_outline(design, shift, response.shift[2], tilt)
-    height = design.L - load.depth + design.R * (1 / math.cos(load.plate_tilt) - 1)
+    height = design.shape.plate_height(load.depth, load.plate_tilt)
     fields = {
         "displacement": np.round(np.linalg.norm(moved - rest, axis=1), DIGITS),
         "pressure": np.round(pressure, _decimals(pressure)),
