@@ -158,8 +158,10 @@ def test_a_law_without_its_numbers_is_the_neo_hookean_one(ask):
     columns = {"law": ["neo-hookean", "yeoh", "ogden"], "depth_mm": [0.5] * 3}
     found = ask(columns, ["fem:quick", "surrogate"], quantities=["force"])
     assert list(found["solve"]) == [1, 1, 1]
-    # rows of a product of matrices may differ in their last bits
-    assert found["surrogate_force_N"].tolist() == pytest.approx([found["surrogate_force_N"][0]] * 3, rel=1e-13)
+    # a row of a Gaussian process sums terms of up to 4e5 to a number near 1: its rounding errors are as many times
+    # those of one number; they differ between the rows on some processors
+    surrogate = found["surrogate_force_N"].tolist()
+    assert surrogate == pytest.approx([surrogate[0]] * 3, rel=4e5 * np.finfo(float).eps)
     other = ask({"law": ["yeoh"], "yeoh_2": [0.1], "depth_mm": [0.5]}, ["finite"]).iloc[0]
     assert "the formulas use E and nu only, not the law yeoh" in other["message"]
 
