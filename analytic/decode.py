@@ -249,7 +249,7 @@ def ambient_of(coder: Decoder, readings: Array, shift: Array) -> tuple[Array, Ar
     values, A = readings_with_slopes(coder.forward, shift[known].T)
     field[known] = (readings[known] - values.T) @ G.T
     # a reading changes the field by itself, and by the pose that follows from it
-    moves = spread(coder.sigma, np.einsum("ik,jkn->jin", coder.goal.free, A))
+    moves = spread(coder.sigma, told_slopes(coder, A))
     by_noise = (G * coder.sigma)[..., None] - np.einsum("ik,jkn,jln->iln", G, A, moves)
     deviation[known] = np.sqrt((by_noise**2).sum(axis=1)).T
     return field, deviation
@@ -266,6 +266,11 @@ def state(coder: Decoder, shift: Array) -> tuple[Array, Array, Array, Array]:
     if coder.mechanics is None:
         return tilt, *np.full((2, *shift.shape), np.nan), np.full((3, *shift.shape), np.nan)
     return tilt, *response_surface.force_and_load(coder.mechanics, shift)
+
+
+def told_slopes(coder: Decoder, A: Array) -> Array:
+    """Return slopes dB/ds of the elements (3, k, n), T/mm, less what a uniform field explains if one is rejected."""
+    return np.einsum("ik,jkn->jin", coder.goal.free, A) if len(coder.goal.free) else A
 
 
 def condition(A: Array) -> Array:

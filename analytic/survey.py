@@ -3,7 +3,7 @@
 A survey computes at each pose:
 
 - the condition number of J = dB/ds and the sign of det J (if there are more than three readings, of their three
-  directions of largest variation);
+  directions of largest variation), where an ambient field is rejected without what a uniform one explains;
 - the number of poses in the workspace that have the same readings, and the distance to the farthest of them;
 - the noise of the decoded pose and force: the standard deviation along the worst direction, which is the root of the
   largest eigenvalue of the covariance;
@@ -144,7 +144,8 @@ def at_poses(
     by_element = hall.at_rail(forward.elements, values)
     saturated = by_element.any(axis=0)
     magnet_hits, wall_hits, grounded = collisions(coder, shift, tilt, clearance)
-    noise_mm, noise_N, axis_noise_N = _noise(coder, shift, slopes)
+    told = decode.told_slopes(coder, slopes)
+    noise_mm, noise_N, axis_noise_N = _noise(coder, shift, told)
     count, far = np.zeros(shift.shape[1], dtype=np.int64), np.zeros(shift.shape[1])
     if multiplicity:
         decodable = np.flatnonzero((weight > 0) & ~saturated)
@@ -161,7 +162,7 @@ def at_poses(
         wall_hits=wall_hits,
         grounded=grounded,
         sign=np.sign(np.linalg.det(np.einsum("ik,jkn->nij", coder.table.basis, slopes))).astype(np.int8),
-        condition=decode.condition(slopes),
+        condition=decode.condition(told),
         noise_mm=noise_mm,
         noise_N=noise_N,
         axis_noise_N=axis_noise_N,

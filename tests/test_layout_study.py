@@ -101,6 +101,23 @@ def test_search_ranks_and_its_options_give_what_it_says(run, strict):
     assert same["search"] == record["search"]
 
 
+def test_layouts_that_reject_a_field_are_ranked_by_the_noise_of_the_force_with_its_price(run, strict, tmp_path):
+    chips = [word for text in ("hall_layout=tle493d-w2b6", "chip_count=3", "chip_noise=0.00005", "chip_x=5")
+             for word in ("--set", text)]  # fmt: skip
+    search = ("--search", "--count", 3, "--range", "chip_x=5", "--range", "l0=5.6,7")
+    (record,) = strict(run("layout", "paper", *chips, *search, "--reject-ambient", "--json", "--out", tmp_path)[1])
+    given, *found = record["search"]
+    assert [row["noise_worst_N"] for row in found] == sorted(row["noise_worst_N"] for row in found)
+    assert given["noise_factor"] == record["noise_factor"]
+    (plain,) = strict(run("layout", "paper", *chips, "--json")[1])
+    assert 1 < record["noise_factor"] < 1.1
+    assert 1 < record["noise_median_N"] / plain["noise_median_N"] < 1.1
+    assert "| factor |" in (tmp_path / "LAYOUT.md").read_text("utf-8")
+    # nearer to the axis the field of the magnet is more like a uniform one
+    (near,) = strict(run("layout", "paper", *chips[:-1], "chip_x=3", "--reject-ambient", "--json")[1])
+    assert near["noise_factor"] > 2 * record["noise_factor"] - 1
+
+
 def test_search_keeps_to_its_ranges(run, strict):
     ranges = ("--range", "f=6", "--range", "l0=7,8")
     (record,) = strict(run("layout", "paper", "--search", *ranges, "--json")[1])
@@ -153,6 +170,8 @@ def test_the_claim_and_where_it_fails(run, strict, tmp_path):
         ("--clearance -1", "--clearance"),
         ("--range f=5", "--range sets the range of a search: add --search"),
         ("--search --range f=6,5", "order"),
+        ("--reject-ambient", "take three chips of three axes or more"),
+        ("--reject-ambient --mode magnitude", "leave --mode magnitude or --reject-ambient out"),
         ("--search --range l0=0.1,5", "l0"),
         ("--search --count 0", "--count"),
         ("--force-range 5", "takes 2 numbers"),

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analytic import time_series
-from analytic.decode import Decoder, ambient_of, decode, decoder, field_of, spread
+from analytic.decode import Decoder, ambient_of, decode, decoder, field_of, spread, told_slopes
 from analytic.inverse import pose_search
 from analytic.inverse.forward_model import readings_at, readings_with_slopes
 from analytic.inverse.response_surface import force_and_load, forces, shifts_of_forces
@@ -252,9 +252,7 @@ def half_widths(coder: Decoder, sigma: Array, shift: Array) -> Array:
     assert law is not None
     fit = np.array([law.errors[1], law.errors[1], law.errors[2]]) / 2
     slopes, by_shift = readings_with_slopes(coder.forward, shift.T.copy())[1], forces(law, shift.T)[1]
-    if len(coder.goal.free):
-        slopes = np.einsum("ik,jkn->jin", coder.goal.free, slopes)
-    noise = np.einsum("jin,jkn->nik", by_shift, spread(sigma, slopes))
+    noise = np.einsum("jin,jkn->nik", by_shift, spread(sigma, told_slopes(coder, slopes)))
     return np.asarray(QUANTILE * np.sqrt(np.square(noise).sum(axis=2) + fit**2))
 
 

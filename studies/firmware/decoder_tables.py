@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analytic.cylinder import compiled_functions
-from analytic.decode import Decoder
+from analytic.decode import Decoder, told_slopes
 from analytic.hall import plates_of
 from analytic.inverse import pose_search
 from analytic.inverse.forward_model import magnets_at, readings_at, readings_with_slopes
@@ -317,9 +317,7 @@ def errors_of(coder: Decoder, tables: Tables, shift: Array | None = None) -> tup
         bases = _basis(spline.shape[0], across), _basis(spline.shape[1], along)
         lean, up = np.einsum("ai,ijk,aj->ka", bases[0], spline, bases[1]).reshape(2, *rho[:, own].shape)
         read[k] = (lean * rho[:, own] * on_u[:, own] + up * on_m[:, own]).mean(axis=1)
-    by_shift_of_all, missed = slopes.transpose(2, 1, 0), (read - exact).T[..., None]
-    if len(coder.goal.free):
-        by_shift_of_all, missed = coder.goal.free @ by_shift_of_all, coder.goal.free @ missed
-    moves = (np.linalg.pinv(by_shift_of_all) @ missed)[..., 0]
+    # a uniform field that is rejected lies in the null space of the told slopes' pseudo-inverse
+    moves = (np.linalg.pinv(told_slopes(coder, slopes).transpose(2, 1, 0)) @ (read - exact).T[..., None])[..., 0]
     off = np.einsum("jin,nj->ni", by_shift, moves)
     return float(np.abs(moves).max()), float(np.abs(off).max()), float(np.abs(force).max())

@@ -231,6 +231,7 @@ class Basis:
     mode: Mode = "component"
     clearance: float = 0.0
     """Least distance between an element and the moved magnet or the beam's wall, mm."""
+    reject_ambient: Rejecting = False
 
 
 @_options
@@ -504,7 +505,7 @@ class LayoutParts:
 
     search: bool = False
     """Search for better layouts over f, l0 and c (of a chip: l0 and chip_x), ranked by their share of unusable
-    poses, then by their worst noise; takes a minute."""
+    poses, then by their worst noise of the pose, or with --reject-ambient of the force; takes a minute."""
     ranges: Annotated[list[str] | None, Parameter(name="--range")] = None
     """Range of the search, NAME=LOW,HIGH, mm, or NAME=VALUE to keep a value; repeatable."""
     count: Whole | None = None

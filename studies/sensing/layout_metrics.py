@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 
 from analytic import decode, parts
 from analytic.decode import Decoder
 from analytic.inverse.response_surface import Mechanics
-from analytic.survey import Survey
+from analytic.survey import Survey, survey
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from studies.inputs.option_groups import Basis
@@ -29,6 +31,10 @@ def prepare(
 
     If no element has a noise or a step, elements with an output in V get those of `analytic.parts.CONVERTER`.
     """
+    if basis.mode == "magnitude" and basis.reject_ambient:
+        raise BadInput(
+            "|B| does not grow by that of an ambient field: leave --mode magnitude or --reject-ambient out"
+        )
     if basis.mode == "magnitude" and design.hall_layout != "three":
         raise BadInput("a 3-axis chip gives only one |B|, which cannot determine a pose: leave --mode magnitude out")
     elements, source = parts.with_noise(parts.of_design(design))
@@ -39,8 +45,20 @@ def prepare(
         elements=elements,
         mode=basis.mode,
         cells=cells or decode.CELLS,
+        reject_ambient=basis.reject_ambient,
     )
     return coder, source
+
+
+def price(design: Design, law: Mechanics, basis: Basis, poses: Survey) -> float | None:
+    """Return by which factor a rejected ambient field makes the noise of the force larger, the median over usable
+    poses; None where it is not rejected or no pose is usable."""
+    if not basis.reject_ambient:
+        return None
+    plain, _ = prepare(design, law, dataclasses.replace(basis, reject_ambient=False), cells=(1, 1, 1))
+    before = survey(plain, poses.counts, multiplicity=False, clearance=basis.clearance)
+    ratio = (poses.noise_N / before.noise_N)[poses.usable]
+    return float(np.median(ratio)) if len(ratio) else None
 
 
 def layout_row(coder: Decoder, poses: Survey, noise: str, mechanics: Source) -> FlatRow:

@@ -71,6 +71,8 @@ def run(
     progress(0.0, "map of the workspace")
     poses = survey.survey(coder, layout_metrics.COUNTS, clearance=basis.clearance)
     layout = layout_metrics.layout_row(coder, poses, noise, source)
+    if basis.reject_ambient:
+        layout["noise_factor"] = layout_metrics.price(design, source.law, basis, poses)
     files: dict[str, Writer] = {
         "layout.csv": lambda path: write_table(path, map_table(coder, poses).to_dict("records")),
         "layout.png": lambda path: save(path, maps(coder, poses, basis.clearance)),
@@ -173,7 +175,8 @@ def _shown_forces(forces: FlatRow) -> FlatRow:
 
 def _shown_search(rows: list[FlatRow]) -> list[FlatRow]:
     keys = ("settings", "unique_percent", "condition_worst", "noise_worst_um", "noise_median_um", "noise_worst_N")
-    return [{"rank": row["rank"] or "given", **{key: row[key] for key in keys}} for row in rows]
+    shown = [key for key in (*keys, "noise_factor") if key in rows[0]]
+    return [{"rank": row["rank"] or "given", **{key: row[key] for key in shown}} for row in rows]
 
 
 def _shown_claim(claim: Claim) -> list[FlatRow]:

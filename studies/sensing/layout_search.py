@@ -101,7 +101,8 @@ def run(
     for k, place in enumerate(finalists):
         progress(0.6 + 0.4 * k / len(finalists), "survey of the best")
         rows.append(_row(design_at(place), names, law, basis))
-    rows.sort(key=lambda row: (round(1 - row["unique_percent"] / 100, 3), row["noise_worst_um"] or math.inf))
+    by = "noise_worst_N" if basis.reject_ambient else "noise_worst_um"
+    rows.sort(key=lambda row: (round(1 - row["unique_percent"] / 100, 3), row[by] or math.inf))
     progress(1.0, "survey of the best")
     ranked = [row | {"rank": rank} for rank, row in enumerate(rows[:count], 1)]
     return [_row(design, names, law, basis), *ranked]
@@ -182,16 +183,19 @@ def _score(design: Design, law: Mechanics, basis: Basis) -> Score:
     if not usable.any():
         return HOPELESS
     rarer = min(poses.share(usable & (poses.sign > 0)), poses.share(usable & (poses.sign < 0)))
-    worst = math.inf if poses.folded else float(poses.noise_mm[usable].max())
+    noise = poses.noise_N if basis.reject_ambient else poses.noise_mm
+    worst = math.inf if poses.folded else float(noise[usable].max())
     return round(1 - poses.share(usable) + rarer, 3), worst
 
 
 def _row(design: Design, names: Sequence[str], law: Mechanics, basis: Basis) -> FlatRow:
     coder, _ = layout_metrics.prepare(design, law, basis)
-    figures = layout_metrics.figures(survey.survey(coder, layout_metrics.COUNTS, clearance=basis.clearance))
+    poses = survey.survey(coder, layout_metrics.COUNTS, clearance=basis.clearance)
+    figures, price = layout_metrics.figures(poses), layout_metrics.price(design, law, basis, poses)
     return {
         "rank": 0,
         **{f"{name}_mm": getattr(design, name) for name in names},
         **{name: figures[name] for name in FIGURES},
+        **({"noise_factor": price} if basis.reject_ambient else {}),
         "settings": " ".join(f"--set {name}={getattr(design, name):g}" for name in names),
     }
