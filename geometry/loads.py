@@ -38,9 +38,12 @@ def _of_load(
     open_low: bool = False,
     names: tuple[str, ...] = (),
     column: str = "",
+    slider: tuple[float, float] | None = None,
+    sideways: bool = False,
 ) -> Any:
     about = {"unit": unit, "text": text, "low": low, "high": high, "open_low": open_low, "names": names}
-    return field(default=default, metadata={**about, "column": column})
+    ways = {"column": column, "slider": slider or (low, high), "sideways": sideways}
+    return field(default=default, metadata={**about, **ways})
 
 
 @known_fields
@@ -50,7 +53,8 @@ class Load:
 
     The metadata of a field are what tables, options and pages take: the unit there (angles in degrees), the range of
     its numbers (`open_low`: without the lower bound), names beside numbers, a description, and its name there
-    (`column`) if that is another one.
+    (`column`) if that is another one, the part of the range that designers use (`slider`), and whether it acts
+    sideways.
 
     Attributes
     ----------
@@ -75,8 +79,10 @@ class Load:
     """
 
     depth: float = _of_load(0.0, "mm", "travel of the plate after first touch", low=0.0, open_low=True)
-    shear_x: float = _of_load(0.0, "mm", "displacement of the plate or the grip along x", column="shear")
-    shear_y: float = _of_load(0.0, "mm", "displacement of the plate or the grip along y")
+    shear_x: float = _of_load(
+        0.0, "mm", "displacement of the plate or the grip along x", column="shear", sideways=True
+    )
+    shear_y: float = _of_load(0.0, "mm", "displacement of the plate or the grip along y", sideways=True)
     friction: float | Literal["none", "stick"] = _of_load(
         "none",
         "1",
@@ -98,29 +104,27 @@ class Load:
         "rotation of the plate about y; positive values turn its normal from z towards x",
         low=-float(math.floor(math.degrees(STEEPEST))),
         high=float(math.floor(math.degrees(STEEPEST))),
+        sideways=True,
     )
     imperfection: float = _of_load(
-        0.0, "N", "dead force on the dome along x; it selects the direction in which a press buckles"
+        0.0, "N", "dead force on the dome along x; it selects the direction in which a press buckles", sideways=True
     )
 
     def __post_init__(self) -> None:
         for spec in dataclasses.fields(self):
             value = getattr(self, spec.name)
-            if not _is_number(value) and spec.name not in ("friction", "grip"):
+            if spec.name in ("friction", "grip"):
+                continue
+            if not _is_number(value):
                 raise BadInput(f"{spec.name.replace('_', ' ')} must be a number; got {value!r:.60}")
-        if not 0 <= self.depth < math.inf:
-            raise BadInput(f"depth must be a finite number of mm, 0 or more; got {self.depth:g}")
-        for name in ("shear_x", "shear_y"):
-            if not math.isfinite(getattr(self, name)):
-                raise BadInput(f"shear must be a finite number of mm; got {getattr(self, name):g}")
+            if spec.name != "plate_tilt":
+                _check_range(spec, value)
         is_word = isinstance(self.friction, str) and self.friction in ("none", "stick")
         if not (is_word or (_is_number(self.friction) and 0 <= float(self.friction) < math.inf)):
             raise BadInput(f"friction must be none, stick or a coefficient of 0 or more; got {self.friction!r:.60}")
         if not abs(self.plate_tilt) <= STEEPEST:
             bound, got = math.degrees(STEEPEST), math.degrees(self.plate_tilt)
             raise BadInput(f"plate tilt must be within +-{bound:.3g} degrees; got {got:.4g}")
-        if not math.isfinite(self.imperfection):
-            raise BadInput(f"imperfection must be a finite number of N; got {self.imperfection:g}")
         if self.imperfection and (self.grip is not None or self.coulomb is not None):
             raise BadInput("an imperfection cannot be combined with Coulomb friction: leave one of them out")
         if self.grip is not None:
@@ -213,6 +217,19 @@ class Load:
         angle = math.atan2(y, x)
         # opposite shears share one line: the angle is taken modulo pi, and rounded so that their values are equal
         return round(angle - math.pi * math.ceil(angle / math.pi - 0.5 - 1e-12), 12) + 0.0
+
+
+def _check_range(spec: "dataclasses.Field[Any]", value: float) -> None:
+    """Raise BadInput for a number outside the declared range; 0 always stands for a load that does not act."""
+    known = spec.metadata
+    low, high, unit = known["low"], known["high"], "" if known["unit"] == "1" else f" of {known['unit']}"
+    value = math.degrees(value) if known["unit"] == "deg" else value
+    if value == 0 or (low <= value <= high and math.isfinite(value)):
+        return
+    least = "" if math.isinf(low) else f", {low:g} or more"
+    bound = least if math.isinf(high) else f" from {low:g} to {high:g}"
+    name = (known["column"] or spec.name).replace("_", " ")
+    raise BadInput(f"{name} must be a finite number{unit}{bound}; got {value:g}")
 
 
 def _is_number(value: object) -> bool:

@@ -77,13 +77,12 @@ def table(cases: Iterable[tuple[Design, Load, Magnet]]) -> pd.DataFrame:
     base = paper()
     rows = [
         {name: getattr(design, name) for name in study_input.DESIGN}
-        | {"depth": load.depth, "shear": load.shear_x, "shear_y": load.shear_y, "friction": load.friction}
-        | {"plate_tilt": math.degrees(load.plate_tilt), "imperfection": load.imperfection}
+        | study_input.values_of(load)
         | {"grip": math.nan if load.grip is None else load.grip, "magnet": magnet}
         for design, load, magnet in given
     ]
     usual = {name: getattr(base, name) for name in study_input.DESIGN}
-    usual |= {"shear": 0.0, "shear_y": 0.0, "plate_tilt": 0.0, "imperfection": 0.0}
+    usual |= {name: 0.0 for name in study_input.NUMBERS if name != "depth"}
     frame = pd.DataFrame(rows)
     kept = [name for name in frame if name not in usual or (frame[name] != usual[name]).any()]
     if "l0" not in kept and {"D", "L"} & set(kept):

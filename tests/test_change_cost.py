@@ -25,7 +25,7 @@ DECLARED = {
     ),
     "geometry/loads.py": (
         "\n    def __post_init__(self) -> None:\n        for spec",
-        '    lift: float = _of_load(0.0, "N", "dead force along z", low=0.0)\n',
+        '    lift: float = _of_load(0.0, "N", "dead force along z", low=0.0, slider=(0.0, 2.0))\n',
     ),
     "studies/quantities.py": (
         '    Quantity("readings"',
@@ -123,7 +123,8 @@ import magtip
 from geometry import design_digest
 from geometry.design import Design
 from studies.cli import commands
-from studies.web.explorer_state import explorer_fields
+from studies.web.explorer_state import explorer_fields, state_of
+from studies.web.state_exports import shell
 
 def said(*words):
     with contextlib.redirect_stdout(io.StringIO()) as out:
@@ -141,6 +142,7 @@ except magtip.BadInput as error:
 refused = magtip.answer(cases.assign(pad_mm=[1.0, 10.0], lift_N=[-1.0, 0.5]), ["finite"], quantities=["force"])
 sweep = ("sweep", "paper", "--axis", "pad=1,2", "--axis", "lift=0,0.5", "--depth", "0.5", "--models", "finite,spring",
          "--quantities", "force,sag")
+lifted = ("solve", "paper", "--lift", "0.25", "--tolerance", "5%")
 print("RESULT" + json.dumps({
     "answers": list(answers), "refused": list(refused.message),
     "chart": magtip.plot(answers, x="pad_mm", y="force_N").to_dict(),
@@ -150,7 +152,10 @@ print("RESULT" + json.dumps({
     "sags": magtip.plot(answers, x="pad_mm", y="sag_mm").to_dict(), "parts": sorted(set(magtip.tidy(answers).part)),
     "models": magtip.plot(sprung.iloc[:2], x="L_mm", y="force_N").to_dict(),
     "values": said("design", "paper", "--set", "pad=2"),
-    "controls": [field for field in explorer_fields(Design(pad=3.0)) if field["name"] == "pad"],
+    "controls": {field["name"]: field for field in explorer_fields(Design(pad=3.0))},
+    "solve": said("solve", "--help"), "state": said(*lifted, "--depth", "0.3", "--json"),
+    "states": said(*lifted, "--depths", "0.3,0.4"), "low": said(*lifted[:3], "-1", "--depth", "0.3"),
+    "shell": shell(state_of({"load": {"depth": 1, "lift": 0.5}})),
     "label": design_digest.label({"pad_mm": 1.0, "D_mm": 8.0})["made_for"],
     "verbs": said("--help"), "verb": said("length", "paper", "--set", "L=11", "--json"),
     "list": said("validate", "verify", "--help"), "example": said("size", "--example"), "sized": sized,
@@ -221,10 +226,27 @@ def test_a_field_of_a_load_is_named_by_the_help_of_axes(copy):
 
 def test_a_field_has_a_control_on_the_page(copy):
     _, found = copy
-    (control,) = found["controls"]
+    control = found["controls"]["pad"]
     assert control["help"] == "thickness of a pad"
     assert (control["label"], control["kind"], control["unit"], control["value"]) == ("Pad", "number", "mm", 3.0)
     assert (control["slider"], control["step"], control["low"], control["high"]) == ([0.0, 9.0], 0.09, 0.0, 9.0)
+
+
+def test_a_field_of_a_load_is_an_option_and_a_column_of_solve(copy):
+    _, found = copy
+    assert "--lift FLOAT Dead force along z, N." in " ".join(found["solve"][1].replace("│", " ").split())
+    assert found["state"][0] == found["states"][0] == 0
+    assert json.loads(found["state"][1])["lift_N"] == 0.25
+    assert {"lift", "0.25"} <= {*found["states"][1].split()}
+    assert found["low"][0] == 2
+
+
+def test_a_field_of_a_load_has_a_control_on_the_page_and_acts_there(copy):
+    _, found = copy
+    control = found["controls"]["lift"]
+    assert (control["scope"], control["group"], control["label"], control["unit"]) == ("load", "Load", "Lift", "N")
+    assert (control["help"], control["kind"], control["slider"]) == ("dead force along z", "number", [0.0, 2.0])
+    assert found["shell"] == "magtip solve paper --depth 1 --lift 0.5"
 
 
 def test_a_field_at_its_default_changes_no_label_of_older_files(copy):

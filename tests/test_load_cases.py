@@ -116,12 +116,12 @@ def test_analytic_states_say_for_which_sensor_they_are(run, refusal, strict, tmp
     [
         ({"depth": 1.0, "steps": 2}, [Load(0.5), Load(1.0)]),
         ({"depths": "1,2"}, [Load(1.0), Load(2.0)]),
-        ({"depth": 1.0, "shear": -0.5}, [Load(1.0, -0.5, friction="stick")]),
-        ({"depth": 1.0, "shear": 1.0, "friction": "0.5"}, [Load(1.0, 1.0, friction=0.5)]),
-        ({"depth": 1.0, "shear": 1.0, "steps": 2}, [Load(1.0, s, friction="stick") for s in (0.5, 1.0)]),
-        ({"grip": 2.0, "shear": 1.0}, [Load(0.0, 1.0, grip=2.0)]),
-        ({"depth": 1.0, "shear_y": 0.5}, [Load(1.0, 0.0, 0.5, friction="stick")]),
-        ({"depth": 1.0, "plate_tilt": 90 / math.pi}, [Load(1.0, plate_tilt=0.5)]),
+        ({"depth": 1.0, "load": {"shear": -0.5}}, [Load(1.0, -0.5, friction="stick")]),
+        ({"depth": 1.0, "load": {"shear": 1.0, "friction": 0.5}}, [Load(1.0, 1.0, friction=0.5)]),
+        ({"depth": 1.0, "load": {"shear": 1.0}, "steps": 2}, [Load(1.0, s, friction="stick") for s in (0.5, 1.0)]),
+        ({"load": {"grip": 2.0, "shear": 1.0}}, [Load(0.0, 1.0, grip=2.0)]),
+        ({"depth": 1.0, "load": {"shear_y": 0.5}}, [Load(1.0, 0.0, 0.5, friction="stick")]),
+        ({"depth": 1.0, "load": {"plate_tilt": 90 / math.pi}}, [Load(1.0, plate_tilt=0.5)]),
     ],
 )
 def test_options_as_loads(given, loads):
@@ -151,8 +151,8 @@ def test_formulas_say_what_is_in_the_way(run, strict):
 @pytest.mark.parametrize(
     ("motion", "method", "options"),
     [
-        ({"depth": 1.0, "friction": "stick"}, {}, ["--friction stick"]),
-        ({"depth": 1.0, "friction": "stick", "shear_y": 1.0}, {}, []),
+        ({"depth": 1.0, "load": {"friction": "stick"}}, {}, ["--friction stick"]),
+        ({"depth": 1.0, "load": {"friction": "stick", "shear_y": 1.0}}, {}, []),
         ({"depth": 1.0}, {"mesh": Path("m.vtu"), "wanted": Wanted(accuracy="fine")}, ["--accuracy"]),
         ({"depth": 1.0}, {"mesh": Path("m.vtu")}, []),
     ],
@@ -173,7 +173,7 @@ STICK = Load(friction="stick")
     [
         ({"force": 5.0}, [ForceTarget(5.0)]),
         ({"force": 2.0, "steps": 2}, [ForceTarget(1.0), ForceTarget(2.0)]),
-        ({"force": 5.0, "friction": "0.5"}, [ForceTarget(5.0, None, Load(friction=0.5))]),
+        ({"force": 5.0, "load": {"friction": 0.5}}, [ForceTarget(5.0, None, Load(friction=0.5))]),
         ({"force": 5.0, "shear_force": -1.0}, [ForceTarget(5.0, (-1.0, 0.0), STICK)]),
         (
             {"force": 5.0, "shear_force": 2.0, "shear_force_y": 1.0, "steps": 2},

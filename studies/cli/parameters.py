@@ -161,6 +161,8 @@ def command(verb: Callable[..., int], arguments: Mapping[str, Any]) -> str:
 
 def _options_of(name: str, value: Any, default: Any) -> list[tuple[str, Any, Any]]:
     """Return name, value and default of each option of a group and of the groups in it, or of a single option."""
+    if isinstance(value, dict):
+        return [(key, one, None) for key, one in value.items()]
     if not dataclasses.is_dataclass(value):
         return [(name, value, default)]
     groups = [_options_of(each.name, getattr(value, each.name), each.default) for each in dataclasses.fields(value)]

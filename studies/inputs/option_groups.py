@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal, TypeVar, dataclass_transform
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypedDict, TypeVar, dataclass_transform
 
 from cyclopts import Parameter, Token
 
 from geometry.design import BadInput
 from geometry.loads import Magnet, Waveform
-from studies.inputs.study_input import LOAD, load_help
+from studies.inputs.study_input import IN_STATES, LOAD, LOADS, load_help
 from studies.inputs.user_input import AccuracyName
 from studies.quantities import choice
 
@@ -42,13 +42,34 @@ def _of_load(name: str, default: str = "") -> Parameter:
     return Parameter(help=load_help(name, default))
 
 
+def _fields_of_load(*left_out: str, friction: Parameter) -> Any:
+    """Return the options for the fields of a load, but some: a dict of those that are given, angles in degrees."""
+    helps = {name: _of_load(name) for name in IN_STATES if name not in left_out} | {"friction": friction}
+    words = {name for name in helps if LOADS[name].metadata["names"]}
+    kinds = {name: Annotated[float | str if name in words else float, text] for name, text in helps.items()}
+    typed: Any = TypedDict
+    return Annotated[typed("Fields", kinds, total=False), Parameter(name="*")]
+
+
 Depth = Annotated[float, _of_load("depth")]
 Shear = Annotated[float, _of_load("shear")]
 ShearY = Annotated[float, _of_load("shear_y")]
-PlateTilt = Annotated[float, _of_load("plate_tilt")]
-Imperfection = Annotated[float, _of_load("imperfection")]
-Friction = Annotated[str, _of_load("friction", "default: none for a press, stick for a shear")]
-Grip = Annotated[float, _of_load("grip")]
+STICKS = _of_load("friction", "default: none for a press, stick for a shear")
+Friction = Annotated[float | str, STICKS]
+if TYPE_CHECKING:
+    LoadFields = dict[str, Any]
+    VibratingFields = dict[str, Any]
+else:
+    LoadFields = _fields_of_load("depth", friction=STICKS)
+    VibratingFields = _fields_of_load(
+        "depth",
+        "imperfection",
+        friction=Parameter(
+            help="stick (the default): the contact area is glued to the plate; none: the plate slides, and moves "
+            "along z only; a Coulomb coefficient, from first touch on: the points in touch stick to the plate that "
+            "vibrates."
+        ),
+    )
 Body = Annotated[Magnet, Parameter(help="Rigid body, or ignored (the whole beam is silicone).")]
 Level = Annotated[AccuracyName, Parameter(help="Accuracy of mesh and harmonics.")]
 Tolerance = Annotated[
@@ -158,12 +179,7 @@ class Motion:
     steps: Whole | None = None
     """Number of equal steps of the depth, or of the shear (at full depth) if there is one; or of the forces in their
     place; default: 1."""
-    shear: Shear | None = None
-    shear_y: ShearY | None = None
-    plate_tilt: PlateTilt = 0.0
-    imperfection: Imperfection = 0.0
-    friction: Friction | None = None
-    grip: Grip | None = None
+    load: LoadFields = field(default_factory=dict)
 
 
 @_options
@@ -261,17 +277,11 @@ class Vibration:
     """State at rest of a sensor, and the frequencies at which it vibrates."""
 
     depth: Annotated[float | None, _of_load("depth", "default: 1")] = None
-    shear: Shear = 0.0
+    load: VibratingFields = field(default_factory=dict)
     frequencies: str = "1:1000"
     """Lowest and highest frequency, LOW:HIGH, Hz."""
     count: Whole = 200
     """Number of frequencies in the table, spaced evenly on a logarithmic scale; resonances are added to them."""
-    shear_y: ShearY = 0.0
-    friction: str | None = None
-    """stick (the default): the contact area is glued to the plate; none: the plate slides, and moves along z only; a
-    Coulomb coefficient, from first touch on: the points in touch stick to the plate that vibrates."""
-    plate_tilt: PlateTilt = 0.0
-    grip: Grip | None = None
     elements: Elements = Elements()
     store: StoreFile | None = None
     extrapolate: bool = False

@@ -107,6 +107,15 @@ LOAD = {
 }
 """What loads a sensor, from the metadata of `Load`, in which the tilt of the plate is in degrees. Frequency and speed
 say how fast the plate moves (`studies.mechanics.timed_quantities`)."""
+NUMBERS = [name for name, spec in LOADS.items() if isinstance(spec.default, float)]
+"""Fields of a load that are numbers, and nothing else."""
+IN_STATES = [*NUMBERS, *(name for name in LOADS if name not in NUMBERS)]
+"""Fields of a load in the order of options and of solved states: numbers first."""
+OF_STATES = {
+    column_name(name, {"deg": "rad"}.get(unit := LOADS[name].metadata["unit"], unit)): LOADS[name]
+    for name in IN_STATES
+}
+"""Fields of a load by the columns of a solved state, which holds them as `Load` does: angles in rad."""
 METHOD = {"magnet": Quantity("1", names=("rigid", "ignored"), is_number=False)}
 """Choices of the finite elements that can vary. Models are no axis: a study sets them side by side in a row."""
 OVER_D = {
@@ -131,6 +140,39 @@ def load_help(name: str, default: str = "") -> str:
     head, *rest = known["text"].split("; ")
     head = head if known["unit"] == "1" else f"{head}, {known['unit']}"
     return "; ".join([head[0].upper() + head[1:], *rest, *([default] if default else [])]) + "."
+
+
+def load_of(values: Mapping[str, Any]) -> Load:
+    """Return the load of a case; a plate that is sheared sticks to the tip unless `friction` says otherwise.
+
+    >>> load_of({"depth": 1.0, "shear": 0.5})
+    Load(depth=1.0, shear_x=0.5, shear_y=0.0, friction='stick', grip=None, plate_tilt=0.0, imperfection=0.0)
+    """
+    grip = values.get("grip")
+    # a table of grips and presses has no number where the plate grips nothing
+    grip = None if grip is None or math.isnan(grip) else grip
+    stick = bool(values.get("shear", 0.0) or values.get("shear_y", 0.0)) and grip is None
+    fields = {"friction": "stick" if stick else "none"} | dict(values) | {"grip": grip}
+    return Load(
+        **{
+            spec.name: math.radians(fields[name]) if spec.metadata["unit"] == "deg" else fields[name]
+            for name, spec in LOADS.items()
+            if name in fields
+        }
+    )
+
+
+def values_of(load: Load) -> dict[str, Any]:
+    """Return the values of a load by the names of its axes, numbers first: the inverse of `load_of`.
+
+    >>> load_of(values_of(Load(0.5, plate_tilt=0.25, grip=None))) == Load(0.5, plate_tilt=0.25)
+    True
+    """
+    values = {name: getattr(load, LOADS[name].name) for name in IN_STATES}
+    return {
+        name: math.degrees(value) if LOADS[name].metadata["unit"] == "deg" else value
+        for name, value in values.items()
+    }
 
 
 def column(name: str) -> str:

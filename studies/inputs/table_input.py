@@ -21,6 +21,7 @@ from geometry import design_digest
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.loads import Load, Response
+from studies.inputs.study_input import OF_STATES
 from studies.output import console
 from studies.output.bounded_files import LARGEST, MOST_ROWS, finite, json_in, text_of
 
@@ -226,16 +227,12 @@ def _load_and_response(record: dict[str, Any]) -> tuple[Load, Response]:
     """
     x, y, z = (float(v) for v in record["shift_mm"])
     f_x, f_y, f_n = (float(v) for v in record["force_N"])
-    friction, grip = record.get("friction"), record.get("grip_mm")
-    load = Load(
-        depth=float(record["depth_mm"]),
-        shear_x=float(record["shear_mm"]),
-        shear_y=float(record.get("shear_y_mm") or 0.0),
-        friction=("stick" if friction is None else friction) if grip is None else "none",
-        plate_tilt=float(record.get("plate_tilt_rad") or 0.0),
-        imperfection=float(record.get("imperfection_N") or 0.0),
-        grip=None if grip is None else float(grip),
-    )
+    given = {name: record[name] for name in ("depth_mm", "shear_mm")}
+    given |= {name: record[name] for name in OF_STATES if record.get(name) is not None}
+    fields: dict[str, Any] = {
+        OF_STATES[name].name: each if name == "friction" else float(each) for name, each in given.items()
+    }
+    load = Load(**({"friction": "none" if "grip" in fields else "stick"} | fields))
     tilt, tilt_y = float(record["tilt_rad"]), float(record.get("tilt_y_rad") or 0.0)
     radius = float(record.get("contact_radius_mm") or 0.0)
     numbers = (x, y, z, f_x, f_y, f_n, tilt, tilt_y)

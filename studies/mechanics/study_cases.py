@@ -24,9 +24,9 @@ from numpy.typing import NDArray
 
 from geometry.arrays import Array
 from geometry.design import OF_MODULUS, OF_READINGS, OF_TIME, BadInput, Design, modulus_at
-from geometry.loads import Load, Magnet, check_load
+from geometry.loads import Magnet, check_load
 from studies.inputs import study_input
-from studies.inputs.study_input import DESIGN, LOAD, LOADS, Factor
+from studies.inputs.study_input import DESIGN, LOAD, LOADS, Factor, load_of
 from studies.inputs.user_input import Value
 from studies.mechanics.model import Model, Problem
 from studies.mechanics.timed_quantities import STILL, TIMED, check_motion, motion_of
@@ -106,7 +106,7 @@ class Plan:
     @property
     def loads_sideways(self) -> bool:
         """Whether any case may have forces or shifts sideways."""
-        names = ("shear", "shear_y", "plate_tilt", "imperfection")
+        names = [name for name, spec in LOADS.items() if spec.metadata["sideways"]]
         return any(self.load.get(name) or name in self.fields for name in names)
 
     def idle(self, kind: str) -> frozenset[str]:
@@ -281,27 +281,6 @@ class Cases:
         except BadInput as error:
             return Problem(None, None, magnet, str(error), STILL)
         return Problem(design, load, magnet, "", motion_of(values))
-
-
-def load_of(values: Mapping[str, Value]) -> Load:
-    """Return the load of a case; a plate that is sheared sticks to the tip unless `friction` says otherwise.
-
-    >>> load_of({"depth": 1.0, "shear": 0.5})
-    Load(depth=1.0, shear_x=0.5, shear_y=0.0, friction='stick', grip=None, plate_tilt=0.0, imperfection=0.0)
-    """
-    number: dict[str, Any] = dict(values)
-    grip = number.get("grip")
-    # a table of grips and presses has no number where the plate grips nothing
-    grip = None if grip is None or math.isnan(grip) else grip
-    stick = bool(number.get("shear", 0.0) or number.get("shear_y", 0.0)) and grip is None
-    fields = {"friction": "stick" if stick else "none"} | number | {"grip": grip}
-    return Load(
-        **{
-            spec.name: math.radians(fields[name]) if LOAD[name].unit == "deg" else fields[name]
-            for name, spec in LOADS.items()
-            if name in fields
-        }
-    )
 
 
 def varied(base: Design, fields: Mapping[str, Value]) -> Design:

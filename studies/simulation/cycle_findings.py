@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -30,7 +31,6 @@ from studies.output.figures import picture
 from studies.output.records import FlatRow
 from studies.output.result import Interrupted, Result, Table, failure_of
 from studies.simulation import time_figures
-from studies.simulation.load_cases import friction_of
 
 FILES = ("cycle.csv", "loops.csv", "cycle.png")
 """Files that a folder of results holds, beside run.json."""
@@ -46,7 +46,10 @@ sentences = partial(page_templates.sentences, Path(__file__).with_name("template
 def study(design: Design, options: Cycle, made: Made | None = None) -> Callable[[Progress], Result]:
     """Return the study of `magtip cycle` after a check of its options; `made` is a calibrated sensor of it."""
     shear, hold = options.shear, options.hold
-    contact = friction_of(options.friction, "stick" if shear else "none")
+    # a word of another kind is refused with the load
+    contact: Any = options.friction
+    if contact is None:
+        contact = "stick" if shear else "none"
     frequency = frequency_of(options.speed, options.frequency, abs(2 * shear) or options.depth)
     motion = Motion(options.depth, shear, contact, frequency, options.waveform, options.cycles, hold)
     if not LEAST_TOLERANCE <= options.tolerance < 1:

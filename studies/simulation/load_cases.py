@@ -16,10 +16,11 @@ from fem.solution import ForceOutOfReach, Solution
 from geometry import design_digest
 from geometry.bad_input import SolveFailed
 from geometry.design import BadInput, Design
-from geometry.loads import STEEPEST, Load
+from geometry.loads import Load
 from geometry.messages import Progress
 from studies.inputs import user_input
 from studies.inputs.option_groups import Method, Motion
+from studies.inputs.study_input import OF_STATES, load_of
 from studies.mechanics import store as stores
 from studies.mechanics import stored_answers
 from studies.output import atomic_files, console, vtk_files
@@ -52,25 +53,16 @@ def loads_of(motion: Motion) -> list[Load]:
 
     >>> [load.depth for load in loads_of(Motion(depth=1.0, steps=2))]
     [0.5, 1.0]
-    >>> [load.shear_x for load in loads_of(Motion(depth=1.0, steps=2, shear=1.0))]
+    >>> [load.shear_x for load in loads_of(Motion(depth=1.0, steps=2, load={"shear": 1.0}))]
     [0.5, 1.0]
     """
-    slides = bool(motion.shear or motion.shear_y)
-    if motion.depths is None and motion.depth is None and motion.grip is None:
+    slides = bool(motion.load.get("shear") or motion.load.get("shear_y"))
+    if motion.depths is None and motion.depth is None and "grip" not in motion.load:
         raise BadInput("no load is given: add --depth D in mm, --force F in N, or --grip HEIGHT with --shear X")
-    if motion.grip is not None and not slides:
+    if "grip" in motion.load and not slides:
         raise BadInput("--grip needs a shear: add --shear X in mm")
     _check_apart(motion)
-    contact = friction_of(motion.friction, "stick" if slides and motion.grip is None else "none")
-    full = Load(
-        depth=motion.depth or 0.0,
-        shear_x=motion.shear or 0.0,
-        shear_y=motion.shear_y or 0.0,
-        friction=contact,
-        grip=motion.grip,
-        plate_tilt=plate_tilt_of(motion.plate_tilt),
-        imperfection=motion.imperfection,
-    )
+    full = load_of({"depth": motion.depth or 0.0, **motion.load})
     if motion.depths is not None:
         return [replace(full, depth=value) for value in user_input.parse_numbers("--depths", motion.depths)]
     shares = shares_of(motion.steps)
@@ -84,10 +76,10 @@ def ineffective_options(motion: Motion, method: Method, store: Path | None = Non
     options = []
     if store is not None and method.mesh is not None:
         options.append(("--store", "states on a mesh of one's own are solved each time"))
-    sideways = (motion.shear, motion.shear_y, motion.shear_force, motion.shear_force_y)
-    if motion.friction == "stick" and not any(sideways):
+    sideways = (motion.load.get("shear"), motion.load.get("shear_y"), motion.shear_force, motion.shear_force_y)
+    if motion.load.get("friction") == "stick" and not any(sideways):
         options.append(("--friction stick", "it acts only during a shear, and this load has none"))
-    if method.mesh is not None and method.wanted.name != "standard" and motion.grip is None:
+    if method.mesh is not None and method.wanted.name != "standard" and "grip" not in motion.load:
         options.append(("--accuracy", "the mesh comes from --mesh"))
     return options
 
@@ -121,32 +113,13 @@ place of a displacement."""
 
 def _check_apart(motion: Motion) -> None:
     given = {name for name in Motion.__dataclass_fields__ if getattr(motion, name) != getattr(Motion(), name)}
+    given |= set(motion.load)
     option = {name: f"--{name.replace('_', '-')}" for name in given}
     for ones, others, sentence in EXCLUDED:
         for one, other in itertools.product(ones.split(), others.split()):
             if one in given and other in given:
                 force = option[other].replace("shear", "shear-force")
                 raise BadInput(sentence.format(option[other], option[one], force))
-
-
-def plate_tilt_of(degrees: float) -> float:
-    """Return the plate tilt of --plate-tilt, rad."""
-    steepest = math.degrees(STEEPEST)
-    if not abs(degrees) <= steepest:
-        raise BadInput(f"--plate-tilt must lie within +-{steepest:.4g} degrees; got {degrees:g}")
-    return math.radians(degrees)
-
-
-def friction_of(text: str | None, default: Literal["none", "stick"]) -> float | Literal["none", "stick"]:
-    """Parse --friction: none, stick or a coefficient."""
-    if text is None:
-        return default
-    if text in ("none", "stick"):
-        return "none" if text == "none" else "stick"
-    try:
-        return float(text)
-    except ValueError:
-        raise BadInput(f"--friction must be none, stick or a coefficient of 0 or more; got {text!r}") from None
 
 
 def shares_of(steps: int | None) -> list[float]:
@@ -174,8 +147,7 @@ def targets_of(motion: Motion) -> list[ForceTarget]:
     from fem.analyses.force_targets import ForceTarget
 
     sheared = bool(motion.shear_force or motion.shear_force_y)
-    contact = friction_of(motion.friction, "stick" if sheared else "none")
-    load = Load(friction=contact, plate_tilt=plate_tilt_of(motion.plate_tilt), imperfection=motion.imperfection)
+    load = load_of({"friction": "stick" if sheared else "none", **motion.load})
     if motion.forces is not None:
         return [ForceTarget(force, None, load) for force in user_input.parse_numbers("--forces", motion.forces)]
     force, shares = motion.force or 0.0, shares_of(motion.steps)
@@ -195,21 +167,19 @@ def approximate_loads(targets: Sequence[ForceTarget]) -> list[Load]:
 
 def columns(loads: Sequence[Load], targets: Sequence[ForceTarget] = ()) -> list[str]:
     """Return the columns for a table of several states: the loads that vary, or their targets, and the response."""
-    aside = any(load.shear_y for load in loads)
-    along, plate = any(load.shear_x for load in loads), loads[0].grip is None
+    numbers = {column: spec.name for column, spec in OF_STATES.items() if isinstance(spec.default, float)}
+    acting = [column for column, name in numbers.items() if any(getattr(load, name) for load in loads)]
+    plate, aside = loads[0].grip is None, any(load.shear_y for load in loads)
     return [
         "status",
         *["target_force_N"] * bool(targets),
-        *["depth_mm"] * plate,
-        *["shear_mm"] * along,
-        *["shear_y_mm"] * aside,
-        *["plate_tilt_rad"] * bool(loads[0].plate_tilt),
+        *dict.fromkeys([*["depth_mm"] * plate, *acting]),
         *("force_N", "shift_mm", "tilt_rad"),
         *["tilt_y_rad"] * aside,
         *["contact_radius_mm"] * plate,
         *["slip_share"] * (loads[0].coulomb is not None),
         *("error_estimate", "shift_error_estimate", "tilt_error_estimate"),
-        *["sideways_error_estimate"] * (aside or along),
+        *["sideways_error_estimate"] * any(load.shear for load in loads),
         "seconds",
     ]
 

@@ -15,6 +15,7 @@ from geometry import design_digest
 from geometry.design import REFERENCE_TEMPERATURE, modulus_at
 from geometry.design_digest import Fields
 from geometry.loads import Load, Response
+from studies.inputs.study_input import OF_STATES
 from studies.output.records import FlatRow
 from studies.quantities import stored_parts
 
@@ -165,15 +166,8 @@ def formula_row(
 
 
 def _load_columns(load: Load) -> FlatRow:
-    return {
-        "depth_mm": load.depth,
-        "shear_mm": load.shear_x,
-        "shear_y_mm": load.shear_y,
-        "plate_tilt_rad": load.plate_tilt,
-        "imperfection_N": load.imperfection,
-        "friction": None if load.grip is not None else load.friction,
-        "grip_mm": load.grip,
-    }
+    row = {column: getattr(load, spec.name) for column, spec in OF_STATES.items()}
+    return row | ({} if load.grip is None else {"friction": None})
 
 
 def _response_columns(response: Response | None) -> FlatRow:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -24,6 +24,7 @@ from geometry.loads import Load, check_load
 from geometry.messages import Progress
 from geometry.relaxation import Relaxation, check_range, relaxation_notes
 from studies.inputs.option_groups import Elements, Vibration
+from studies.inputs.study_input import load_of
 from studies.mechanics import resonance_peaks
 from studies.mechanics import store as stores
 from studies.mechanics.path_solver import frequency_unit, place
@@ -35,7 +36,6 @@ from studies.output.figures import save, table_of
 from studies.output.records import FlatRow
 from studies.output.result import Block, Result, Table, Writer, failure_of
 from studies.simulation import response_curves, time_figures
-from studies.simulation.load_cases import friction_of, plate_tilt_of
 from studies.simulation.response_curves import At, Complex, Curves
 
 if TYPE_CHECKING:
@@ -55,25 +55,21 @@ sentences = partial(page_templates.sentences, Path(__file__).with_name("template
 
 def study(design: Design, options: Vibration) -> Callable[[Progress], Result]:
     """Return the study of `magtip response` after a check of its options."""
-    band, grip = read_band(options.frequencies), options.grip
-    depth = options.depth if options.depth is not None else 1.0 if grip is None else 0.0
+    band, has_plate = read_band(options.frequencies), "grip" not in options.load
+    depth = options.depth if options.depth is not None else 1.0 if has_plate else 0.0
     if not FEWEST <= options.count <= MOST:
         raise BadInput(f"--count must be between {FEWEST} and {MOST}; got {options.count}")
-    shear, shear_y, contact = options.shear, options.shear_y, friction_of(options.friction, "stick")
-    moves = bool(shear or shear_y)
-    if grip is None and not depth and moves:
-        raise BadInput(f"a shear needs a depth above 0 mm; got --depth 0 --shear {shear or shear_y:g}")
-    if grip is None and moves and contact in ("none", 0.0):
+    if not has_plate and "friction" in options.load:
+        raise BadInput("--friction has no meaning with --grip, which has no plate: leave --friction out")
+    load = load_of({"depth": depth, "friction": "stick" if has_plate else "none", **options.load})
+    if has_plate and not depth and load.shear:
+        raise BadInput(f"a shear needs a depth above 0 mm; got --depth 0 --shear {load.shear_x or load.shear_y:g}")
+    if has_plate and load.shear and load.friction in ("none", 0.0):
         raise BadInput("a shear needs a plate that sticks: leave out --friction none")
     warnings = check_range(design, frequencies=band, beyond=options.extrapolate)
-    tilt = plate_tilt_of(options.plate_tilt)
-    if grip is not None:
-        if options.friction is not None:
-            raise BadInput("--friction has no meaning with --grip, which has no plate: leave --friction out")
-        load = Load(depth, shear, shear_y, plate_tilt=tilt, grip=grip)
-    else:
+    if has_plate and not depth:
         # the free sensor touches no plate, whose friction and tilt would count
-        load = Load(depth, shear, shear_y, friction=contact if depth else "none", plate_tilt=tilt if depth else 0.0)
+        load = replace(load, friction="none", plate_tilt=0.0)
     check_load(design, load, options.elements.magnet)
     return partial(run, design, load, band, options.count, options.elements, options.store, warnings)
 

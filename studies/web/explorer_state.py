@@ -25,10 +25,8 @@ from typing import TYPE_CHECKING, Any, Literal, cast, get_args
 from geometry.design import LAWS, OF_ONE_LAYOUT, PRESETS, BadInput, Design, preset
 from geometry.loads import Load, Magnet
 from studies.inputs import user_input
-from studies.inputs.option_groups import Motion
-from studies.inputs.study_input import LOADS
+from studies.inputs.study_input import IN_STATES, LOADS, load_of
 from studies.quantities import UNITS
-from studies.simulation import load_cases
 
 if TYPE_CHECKING:
     from studies.calibration.sensor_fit import Fit
@@ -42,8 +40,11 @@ SIDES, LEVELS, PARTS = get_args(Side), get_args(Level), get_args(Part)
 RATES = {"frequency": "Hz", "speed": "mm/s"}
 """Fields of a load that say how fast the plate moves, and their units: frequency of small vibrations about the load,
 speed of loading cycles up to it; 0: none. The solved state is at rest."""
-LOAD_FIELDS = ("depth", "shear", "direction", "friction", "plate_tilt", *RATES)
-"""Fields of a load: depth and shear, mm, direction of the shear and tilt of the plate, degrees, and the rates."""
+ABSENT = ("shear_y", "grip", "imperfection")
+"""Fields of `Load` that the page does not have: its shear has a direction, and its tip touches a plate of which the
+side is known."""
+LOAD_FIELDS = ("direction", *(name for name in IN_STATES if name not in ABSENT), *RATES)
+"""Fields of a load: those of `Load`, shear along the direction, degrees, and the rates."""
 OPENING_DEPTH = 1.0
 """Depth of the page's first state for a sensor of the paper's size, mm, and of a page whose address has no depth."""
 UNPLACED = "Further fields"
@@ -61,16 +62,16 @@ class ExplorerState:
 
     Attributes
     ----------
-    motion : the load as the options of `magtip solve`.
+    friction : of the plate as the page says it; None: that of `magtip solve`.
     level : accuracy to which a state is refined.
     frequency, speed : of small vibrations, Hz, and of loading cycles, mm/s; 0: none.
     """
 
     design: Design
     load: Load
-    motion: Motion
     magnet: Magnet
     level: Level = "standard"
+    friction: float | Literal["none", "stick"] | None = None
     frequency: float = 0.0
     speed: float = 0.0
 
@@ -79,7 +80,7 @@ class ExplorerState:
         """The load about which the plate vibrates: it sticks as the page says, also where nothing slides before."""
         if not self.load.depth:
             return self.load
-        return dataclasses.replace(self.load, friction=load_cases.friction_of(self.motion.friction, "stick"))
+        return dataclasses.replace(self.load, friction="stick" if self.friction is None else self.friction)
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,37 +135,33 @@ def state_of(content: Mapping[str, Any]) -> ExplorerState:
     numbers = {name: value for name, value in values.items() if not isinstance(value, str)}
     design = user_input.design_from("paper", {**numbers, **user_input.overrides(texts)}, magnet)
     values = _table("load", content.get("load") or {})
-    motion, rates = motion_of(values), [_number(name, values.get(name)) for name in RATES]
+    load, rates = page_load(values), [_number(name, values.get(name)) for name in RATES]
     for (name, unit), rate in zip(RATES.items(), rates, strict=True):
         if not 0 <= rate < math.inf:
             raise BadInput(f"{name} must be 0 {unit} or more; got {rate:g} {unit}")
-    (load,) = load_cases.loads_of(motion)
-    if load.friction == "stick" and not (load.shear_x or load.shear_y):
+    friction = None if values.get("friction") in (None, "") else load.friction
+    if load.friction == "stick" and not load.shear:
         # nothing slides before a shear: such a press is that of a plate without friction, and is kept as that
         load = dataclasses.replace(load, friction="none")
     Scene(design, (load,), magnet=magnet)
-    return ExplorerState(design, load, motion, magnet, level, *rates)
+    return ExplorerState(design, load, magnet, level, friction, *rates)
 
 
-def motion_of(values: Mapping[str, Any]) -> Motion:
-    """Return the options of `magtip solve` for the load of a request.
+def page_load(values: Mapping[str, Any]) -> Load:
+    """Return the load of a request.
 
-    >>> motion_of({"depth": 1, "shear": 2, "direction": 90}).shear_y
+    >>> page_load({"depth": 1, "shear": 2, "direction": 90}).shear_y
     2.0
     """
     user_input.check_keys("load", values, LOAD_FIELDS)
-    numbers = {name: _number(name, values.get(name)) for name in LOAD_FIELDS if name != "friction"}
-    friction = values.get("friction")
-    if friction is not None and not isinstance(friction, str):
-        friction = plain(_number("friction", friction))
-    x, y = components(numbers["shear"], numbers["direction"])
-    return Motion(
-        depth=numbers["depth"],
-        shear=x or None,
-        shear_y=y or None,
-        friction=friction or None,
-        plate_tilt=numbers["plate_tilt"],
-    )
+    words = {name for name, spec in LOADS.items() if spec.metadata["names"]}
+    given: dict[str, Any] = {
+        name: each if name in words and isinstance(each, str) else _number(name, each)
+        for name, each in values.items()
+        if name not in RATES and each not in (None, "")
+    }
+    x, y = components(given.pop("shear", 0.0), given.pop("direction", 0.0))
+    return load_of({**given, "shear": x, "shear_y": y})
 
 
 def components(shear: float, direction: float) -> tuple[float, float]:
@@ -237,9 +234,9 @@ def explorer_fields(design: Design, needed: Requirements | None = None) -> list[
     """Return the controls of load and design, in the order of the page; `value` is that of the design.
 
     Places, labels, sliders and steps are in `controls.csv`, with units, ranges and help of what is no field of a
-    design or load; those of their fields come from `Design` and `Load`. A field of a design without a row stands in
-    the last group, under its name; the ends of its slider are in its metadata, or are those of its range. A slider
-    covers the part of a range that designers use, the number field beside it takes the whole range.
+    design or load; those of their fields come from `Design` and `Load`. A field without a row stands under its name
+    behind those of the load, or in the last group; the ends of its slider are in its metadata, or are those of its
+    range. A slider covers the part of a range that designers use, the number field beside it takes the whole range.
 
     >>> [(one["name"], one["unit"], one["value"]) for one in explorer_fields(Design())][:2]
     [('depth', 'mm', 1.0), ('shear', 'mm', 0.0)]
@@ -272,35 +269,43 @@ def explorer_fields(design: Design, needed: Requirements | None = None) -> list[
             else:
                 low, high = (float(row[key]) if row[key] else None for key in ("low", "high"))
                 value = row["value"] if name == "friction" else float(row["value"] or 0)
-                field |= {"scope": "load", "value": value, "low": low, "high": high, "needs": {}} | _of_load(row)
+                field |= {"scope": "load", "value": value, "low": low, "high": high, "needs": {}}
+                field |= _of_load(name, row["help"])
             fields.append(field | by_design.get(name, {}))
     placed = {field["name"] for field in fields}
-    return fields + [
-        _unplaced(spec) | _of_design(spec) | {"value": getattr(design, name)}
+    of_load = [
+        _unplaced("Load", name, LOADS[name])
+        | {"scope": "load", "value": LOADS[name].default, "needs": {}}
+        | _of_load(name)
+        for name in LOAD_FIELDS
+        if name not in placed
+    ]
+    of_design = [
+        _unplaced(UNPLACED, name, spec) | {"scope": "design", "value": getattr(design, name)} | _of_design(spec)
         for name, spec in specs.items()
         if name not in placed
     ]
+    return [*fields, *of_load, *of_design]
 
 
-def _unplaced(spec: dataclasses.Field[Any]) -> Field:
-    """Return the place of a field of a design without a row: the last group, and a slider in hundred steps."""
+def _unplaced(group: str, name: str, spec: dataclasses.Field[Any]) -> Field:
+    """Return the place of a field without a row: a group, and a slider in hundred steps."""
     known = spec.metadata
-    words = spec.name.replace("_", " ")
-    kind = "choice" if "choices" in known else "number" if "low" in known else "text"
-    field: Field = {"group": UNPLACED, "name": spec.name, "label": words.capitalize(), "kind": kind}
+    low, high = known.get("slider", (known.get("low", -math.inf), known.get("high", math.inf)))
+    kind = "choice" if "choices" in known else "number" if math.isfinite(high - low) else "text"
+    field: Field = {"group": group, "name": name, "label": name.replace("_", " ").capitalize(), "kind": kind}
     if kind == "number":
-        low, high = known.get("slider", (known["low"], known["high"]))
         field |= {"slider": [float(low), float(high)], "step": float(f"{(high - low) / 100:.1g}")}
-    return field | {"scope": "design"}
+    return field
 
 
-def _of_load(row: Mapping[str, str]) -> Field:
+def _of_load(name: str, words: str = "") -> Field:
     """Return unit, range and help of a field of `Load`; the page's shear has a direction, and a help of its own."""
-    if row["name"] not in LOADS:
+    if name not in LOADS:
         return {}
-    known = LOADS[row["name"]].metadata
+    known = LOADS[name].metadata
     limits = {key: known[key] if math.isfinite(known[key]) else None for key in ("low", "high")}
-    return limits | {"unit": "" if known["unit"] == "1" else known["unit"], "help": row["help"] or known["text"]}
+    return limits | {"unit": "" if known["unit"] == "1" else known["unit"], "help": words or known["text"]}
 
 
 def _of_design(spec: dataclasses.Field[Any]) -> Field:

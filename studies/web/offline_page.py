@@ -26,7 +26,6 @@ from geometry.design import BadInput, Design
 from geometry.loads import ANSWERED, Load, Magnet
 from geometry.messages import Progress
 from studies.inputs import user_input
-from studies.inputs.option_groups import Motion
 from studies.mechanics import stored_answers
 from studies.mechanics.store import Store
 from studies.output import atomic_files
@@ -140,8 +139,7 @@ def answer(
     for direction in directions:
         turned = in_direction(solution, direction)
         load = turned.load
-        motion = Motion(depth=load.depth, shear=load.shear_x or None, shear_y=load.shear_y or None)
-        state = ExplorerState(design, load, motion, magnet, LEVEL)
+        state = ExplorerState(design, load, magnet, LEVEL)
         numbers.append(
             {
                 "state": state_answers.numbers(state, turned, decoder),

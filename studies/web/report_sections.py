@@ -15,7 +15,8 @@ from geometry.design import BadInput, Design, paper
 from geometry.loads import ANSWERED, Load, Magnet
 from studies.answers import SweepColumns
 from studies.inputs import study_input, user_input
-from studies.mechanics.study_cases import load_of, varied
+from studies.inputs.study_input import load_of
+from studies.mechanics.study_cases import varied
 from studies.output import deformed_body, provenance
 from studies.output.figures import Figure
 from studies.sensitivity import uncertainty_figures

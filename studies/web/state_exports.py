@@ -20,6 +20,7 @@ from geometry import design_digest
 from geometry.compiled import cores
 from geometry.design import BadInput, Design
 from geometry.loads import Load
+from studies.inputs.study_input import values_of
 from studies.inputs.user_input import FIELDS, changed_fields
 from studies.mechanics.executor import WorkerDied, WorkerProcess
 from studies.output.literals import literal
@@ -70,20 +71,23 @@ def shell(state: ExplorerState) -> str:
     >>> shell(state_of({"load": {"depth": 1, "frequency": 600, "speed": 2}})).splitlines()[1:]
     ['magtip response paper --depth 1 --frequencies 1:600', 'magtip cycle paper --depth 1 --speed 2']
     """
-    load, lines, tilt = state.load, [], {"--plate-tilt": state.motion.plate_tilt or None}
-    own = {"--depth": load.depth, "--shear": load.shear_x or None}
-    both = own | {"--shear-y": load.shear_y or None}
-    friction = plain(load.friction) if load.shear or load.coulomb else None
-    lines.append(line("solve", state, both | tilt | {"--friction": friction}))
+    load = state.load
+    moved = {
+        # the twelfth digit of degrees is rounding
+        f"--{name.replace('_', '-')}": float(f"{value:.12g}") if value else None
+        for name, value in values_of(load).items()
+        if name != "friction"
+    } | {"--depth": load.depth}
+    friction = load.friction if load.shear or load.coulomb else None
+    lines = [line("solve", state, moved | {"--friction": friction})]
     if state.frequency:
-        about = plain(state.vibrating_load.friction)
+        about = state.vibrating_load.friction
         friction = None if about == "stick" or not load.depth else about
-        lines.append(
-            line("response", state, both | {"--frequencies": _band(state, ":"), "--friction": friction} | tilt)
-        )
+        lines.append(line("response", state, moved | {"--frequencies": _band(state, ":"), "--friction": friction}))
     if state.speed and not load.plate_tilt and not load.shear_y and load.depth:
-        friction = plain(load.friction) if load.coulomb is not None else None
-        lines.append(line("cycle", state, own | {"--speed": state.speed, "--friction": friction}))
+        friction = load.friction if load.coulomb is not None else None
+        along = {name: moved[name] for name in ("--depth", "--shear")}
+        lines.append(line("cycle", state, along | {"--speed": state.speed, "--friction": friction}))
     return "\n".join(lines)
 
 
