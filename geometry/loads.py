@@ -256,6 +256,11 @@ class Response:
     tilt_y: float = 0.0
 
     @property
+    def numbers(self) -> tuple[float, ...]:
+        """Its nine numbers: force, shift, tilt, tilt_y, contact radius."""
+        return (*self.force, *self.shift, self.tilt, self.tilt_y, self.contact_radius)
+
+    @property
     def rotation(self) -> tuple[float, float]:
         """The tilt as a rotation vector (rx, ry) of the magnet about its centre, rad."""
         return rotation_of(self.tilt, self.tilt_y)

@@ -276,14 +276,13 @@ class Answers:
 
     def __getitem__(self, key: tuple[str, str]) -> Array:
         """Return the values of a model and a quantity, shape (n, parts)."""
-        if key not in self.value and (derive := QUANTITIES[key[1]].derive):
+        quantity = QUANTITIES[key[1]]
+        if key not in self.value and quantity.derive:
             of = dict(self.cases)
             for (model, name), values in self.value.items():
                 if model == key[0]:
                     of |= {part.column: column for part, column in zip(self.parts_of(name), values.T, strict=True)}
-            with np.errstate(divide="ignore", invalid="ignore"):
-                found = derive(of)
-            self.value[key] = np.where(np.isfinite(found), found, NAN)[:, None]
+            self.value[key] = quantity.derived(of)[:, None]
         return self.value[key]
 
     def parts_of(self, name: str) -> tuple[Part, ...]:

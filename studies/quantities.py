@@ -16,7 +16,7 @@ the layout (`reading_parts`); here is the one that figures show.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, TypeVar
 
@@ -140,6 +140,15 @@ class Quantity:
     def compared(self) -> bool:
         """Whether all models answer it, from their responses."""
         return bool(self.response or self.derive)
+
+    def derived(self, of: Mapping[str, Array]) -> Array:
+        """Return the values that follow from columns of fields and answers, shape (n,), NaN where none exists."""
+        import numpy as np
+
+        assert self.derive is not None
+        with np.errstate(divide="ignore", invalid="ignore"):
+            found = self.derive(of)
+        return np.where(np.isfinite(found), found, np.nan)
 
     @property
     def of_states(self) -> bool:
@@ -315,9 +324,30 @@ def drawn_parts() -> dict[str, Part]:
     return {part.column: part for each in QUANTITIES.values() for part in each.parts if part.drawn}
 
 
+def response_columns(numbers: Sequence[Number]) -> dict[str, Number]:
+    """Return the nine numbers of a response by their columns.
+
+    >>> list(response_columns(range(9)))[:5]
+    ['force_N', 'force_x_N', 'force_y_N', 'shift_z_mm', 'shift_x_mm']
+    """
+    answered = [each for each in QUANTITIES.values() if each.response]
+    places = [(part.column, k) for each in answered for part, k in zip(each.parts, each.response, strict=True)]
+    return {column: numbers[k] for column, k in places}
+
+
+def derived_columns(of: Mapping[str, Array]) -> dict[str, Array]:
+    """Return the derived quantities of cases by their columns, from those of fields and of a model's answers."""
+    return {each.parts[0].column: each.derived(of) for each in QUANTITIES.values() if each.derive}
+
+
 def stored_parts() -> list[Part]:
     """Return the parts that a state holds beside its response."""
-    return [part for each in QUANTITIES.values() if each.of_states for part in each.parts if part.stored]
+    return [part for part in state_parts() if part.stored]
+
+
+def state_parts() -> list[Part]:
+    """Return the parts that a state holds beside its response, and those that are derived."""
+    return [part for each in QUANTITIES.values() if each.of_states for part in each.parts]
 
 
 def stored_values(names: Iterable[str]) -> tuple[str, ...]:

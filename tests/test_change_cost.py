@@ -124,6 +124,7 @@ from geometry import design_digest
 from geometry.design import Design
 from studies.cli import commands
 from studies.web.explorer_state import explorer_fields, state_of
+from studies.web.state_answers import numbers
 from studies.web.state_exports import shell
 
 def said(*words):
@@ -154,7 +155,9 @@ print("RESULT" + json.dumps({
     "values": said("design", "paper", "--set", "pad=2"),
     "controls": {field["name"]: field for field in explorer_fields(Design(pad=3.0))},
     "solve": said("solve", "--help"), "state": said(*lifted, "--depth", "0.3", "--json"),
+    "upright": said(*lifted, "--depth", "0.3"),
     "states": said(*lifted, "--depths", "0.3,0.4"), "low": said(*lifted[:3], "-1", "--depth", "0.3"),
+    "page": numbers(state_of({"load": {"depth": 0.1}}), magtip.solve(Design(), magtip.Load(0.1), "quick"), None),
     "shell": shell(state_of({"load": {"depth": 1, "lift": 0.5}})),
     "label": design_digest.label({"pad_mm": 1.0, "D_mm": 8.0})["made_for"],
     "verbs": said("--help"), "verb": said("length", "paper", "--set", "L=11", "--json"),
@@ -271,6 +274,15 @@ def test_a_derived_quantity_has_columns_headings_help_and_a_title(copy):
     assert "stiffness, sag, readings" in " ".join(found["help"][1].replace("│", " ").split())
     assert "sag of a pad (mm)" in json.dumps(found["sags"])
     assert found["parts"] == ["force", "sag"]
+
+
+def test_a_derived_quantity_is_in_the_json_and_the_table_of_solve_and_on_the_page(copy):
+    _, found = copy
+    state = json.loads(found["state"][1])
+    assert state["sag_mm"] == state["force_N"][2] / 2
+    assert f"sag {state['sag_mm']:.5g} mm" in " ".join(found["upright"][1].split())
+    table = {row["name"]: row for row in found["page"]["tables"]["response"]["rows"]}
+    assert (table["sag"]["value"], table["sag"]["unit"]) == (table["normal force"]["value"] / 2, "mm")
 
 
 def test_a_model_has_columns_status_and_errors_in_answers(copy):

@@ -11,13 +11,16 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from geometry import design_digest
 from geometry.design import REFERENCE_TEMPERATURE, modulus_at
 from geometry.design_digest import Fields
 from geometry.loads import Load, Response
+from studies.inputs import study_input
 from studies.inputs.study_input import OF_STATES
 from studies.output.records import FlatRow
-from studies.quantities import stored_parts
+from studies.quantities import derived_columns, response_columns, stored_parts
 
 if TYPE_CHECKING:
     from analytic.hall import Readings
@@ -87,9 +90,8 @@ def state_row(load: Load, response: Response | None, model: str, made_for: Field
         "seconds": 0.0,
         **dict.fromkeys(FACTS),
         **stored_columns(None, 1.0, 1.0),
-        **design_digest.label(made_for),
     }
-    return row | known
+    return _with_derived(row | known, load, response, made_for)
 
 
 def solved_row(state: Solution, made_for: Fields) -> FlatRow:
@@ -150,7 +152,7 @@ def formula_row(
     """Return the row of the formulas of a level, with one value for each Hall element; None without a magnet."""
     output = None if readings is None else list(readings.output)
     volts = readings is not None and set(readings.units) == {"V"}
-    return {
+    row: FlatRow = {
         "status": "ok",
         "message": message,
         "level": level,
@@ -161,8 +163,8 @@ def formula_row(
         "output_T": None if volts else output,
         "saturated": readings and list(readings.saturated),
         "warnings": warnings,
-        **design_digest.label(made_for),
     }
+    return _with_derived(row, load, response, made_for)
 
 
 def _load_columns(load: Load) -> FlatRow:
@@ -179,6 +181,16 @@ def _response_columns(response: Response | None) -> FlatRow:
         "rotation_rad": response and list(response.rotation),
         "contact_radius_mm": response and response.contact_radius,
     }
+
+
+def _with_derived(row: FlatRow, load: Load, response: Response | None, made_for: Fields) -> FlatRow:
+    """Return a row with what is derived from its fields and answers, None where it is unknown, and with the label."""
+    given = {study_input.column(name): value for name, value in study_input.values_of(load).items()}
+    numbers = (math.nan,) * 9 if response is None else response.numbers
+    of = {**design_digest.LATER, **made_for, **row, **given, **response_columns(numbers)}
+    found = derived_columns({name: np.array([math.nan if value is None else value]) for name, value in of.items()})
+    derived = {name: None if math.isnan(value) else float(value) for name, (value,) in found.items()}
+    return row | derived | design_digest.label(made_for)
 
 
 def _fact_columns(facts: Facts) -> FlatRow:

@@ -293,7 +293,7 @@ def _add_responses(found: Answers, batch: Batch, model: str, answers: Sequence[A
     A case whose sensor is impossible has no results, NaN, although its mechanics may be those of others.
     """
     responses = [answer.response for answer in answers]
-    rows = [(NAN,) * 9 if r is None else (*r.force, *r.shift, r.tilt, r.tilt_y, r.contact_radius) for r in responses]
+    rows = [(NAN,) * 9 if response is None else response.numbers for response in responses]
     # 1 for a possible sensor, else NaN, which every product keeps
     each = np.reshape(rows, (-1, 9))[batch.problem].T * _of_sensors(batch, lambda design: 1.0)
     each[:3] *= batch.E / _of_problems(batch, lambda design: design.E_now)

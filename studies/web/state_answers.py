@@ -11,7 +11,6 @@ whatever the friction of the shear. The stability comes first from the surrogate
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -24,6 +23,7 @@ from fem.accuracy import LEVELS
 from fem.equilibrium import walk
 from fem.scene import Scene
 from fem.solution import Solution
+from geometry import design_digest
 from geometry.arrays import Array
 from geometry.bad_input import SolveFailed
 from geometry.design import BadInput, Design
@@ -34,6 +34,7 @@ from studies.mechanics import path_solver
 from studies.mechanics.path_solver import frequency_unit
 from studies.mechanics.store import Store
 from studies.mechanics.stored_answers import asked, walked
+from studies.output.records import FlatRow
 from studies.simulation import state_rows
 from studies.simulation.compare import default_loads
 from studies.web.explorer_state import ExplorerState
@@ -71,7 +72,7 @@ def numbers(
     made : calibrated sensor of this design, whose force, readings and decoded load these are.
     calibration : what the page says of the calibration with which it was started.
     """
-    widths = half_widths(solution)
+    widths, design = half_widths(solution), state.design
     data = {
         "calibration": calibration,
         "status": solution.status,
@@ -80,14 +81,16 @@ def numbers(
         "response": response_data(solution.response),
         "estimates": widths,
         "seconds": solution.seconds,
-        "readings": readings(state.design, solution.response, widths),
+        "readings": readings(design, solution.response, widths),
         "decoded": None if decoder is None else decoded(decoder, solution.response, widths),
-        "formulas": {level: formula(state.design, state.load, level) for level in beam.LEVELS},
+        "formulas": {level: formula(design, state.load, level) for level in beam.LEVELS},
     }
     if made is not None:
-        data |= _of_made_sensor(data, state.design, solution.response, made)
+        felt, own = response_of_made_sensor(solution.response, design, made)
+        data, solution = data | _of_made_sensor(data, made, felt, own), replace(solution, response=felt)
+    row = state_rows.solved_row(solution, design_digest.of_mechanics(design, state.magnet))
     tables = {
-        "response": _response_table(data, stored_rows(solution, state.design)),
+        "response": _response_table(data, row),
         "readings": _readings_table(data),
         "decoded": _decoded_table(data),
     }
@@ -115,11 +118,9 @@ def response_of_made_sensor(response: Response, design: Design, made: Fit) -> tu
     }
 
 
-def _of_made_sensor(data: Data, design: Design, response: Response, made: Fit) -> Data:
+def _of_made_sensor(data: Data, made: Fit, felt: Response, own: Data) -> Data:
     """Return what a calibrated sensor changes in the part `state`."""
     from studies.calibration import calibration_file
-
-    felt, own = response_of_made_sensor(response, design, made)
 
     def wider(half: list[float] | None, name: str) -> list[float] | None:
         return None if half is None else np.hypot(half, own[name]).tolist()
@@ -159,12 +160,14 @@ def response_data(response: Response) -> Data:
     }
 
 
-def stored_rows(solution: Solution, design: Design) -> list[Data]:
-    """Return the rows of what a state holds beside its response (`studies.quantities`), with half widths."""
-    row, rows = state_rows.stored_columns(solution, design.E_now, design.D), []
-    for part in quantities.stored_parts():
-        value = row[part.column]
-        half = row.get(f"{part.column}_half_width", _times(row.get(part.estimate_column), value))
+def quantity_rows(state: FlatRow, *, pending: bool) -> list[Data]:
+    """Return the rows of what is stored of a state beside its response, and of what is derived, with half widths."""
+    rows = []
+    for part in quantities.state_parts():
+        value = state[part.column]
+        half: Any = state.get(f"{part.column}_half_width", _times(state.get(part.estimate_column), value))
+        if pending and value is not None and (part.estimate or part.half_width):
+            half = PENDING
         rows.append(number(part.name.replace("_", " "), quantities.UNITS[part.unit], value, half))
     return rows
 
@@ -392,7 +395,7 @@ def by_finite_elements(design: Design, magnet: Magnet, level: str, store: Store)
 # Tables of rows with words, units and half widths, notes below them, and figures
 
 
-def _response_table(data: Data, stored: Sequence[Data]) -> Data:
+def _response_table(data: Data, state: FlatRow) -> Data:
     response, widths, formulas = data["response"], data["estimates"], data["formulas"]
     is_known = widths["force"] is not None
 
@@ -410,7 +413,7 @@ def _response_table(data: Data, stored: Sequence[Data]) -> Data:
     rows += [row(f"shift along {axis}", "mm", "shift", k) for k, axis in enumerate("xyz")]
     rows += [row("tilt towards x", "deg", "tilt"), row("tilt towards y", "deg", "tilt_y")]
     rows.append(row("contact radius", "mm", "contact_radius"))
-    rows += [each if is_known or each["value"] is None else each | {"half_width": PENDING} for each in stored]
+    rows += quantity_rows(state, pending=not is_known)
     notes = {
         level: " ".join(filter(None, [data["calibration"], one["message"] and f"Formula {level}: {one['message']}"]))
         for level, one in formulas.items()
