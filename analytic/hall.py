@@ -221,7 +221,7 @@ def batch_readings(designs: Sequence[Design], owner: NDArray[np.int64], shift: A
     ----------
     owner : index of each row's design, shape (n,).
     shift : displacement of the magnet's centre, shape (n, 3), mm; NaN for no pose.
-    tilt : rotation vectors (rx, ry) as in `analytic.field_at`, shape (n, 2), rad; NaN for no pose.
+    tilt : rotation vectors (rx, ry) as in `field_at`, shape (n, 2), rad; NaN for no pose.
 
     Returns
     -------

@@ -30,6 +30,8 @@ ROW = re.compile(r"^\| `(\w+)` \|")
 LINK = re.compile(r"!?\[[^\]]*\]\(([^)\s]+)\)")
 DOTTED = re.compile(rf"`((?:{'|'.join(PACKAGES)})(?:\.\w+)+)`")
 
+PATH = re.compile(rf"(?<![\w/.])((?:{'|'.join(PACKAGES)})/[\w/.]+)")
+
 
 def name(path):
     return path.relative_to(ROOT).as_posix()
@@ -116,7 +118,7 @@ def defined(path):
         if isinstance(node, (ast.FunctionDef, ast.ClassDef)):
             yield node.name
         elif isinstance(node, ast.Assign):
-            yield from (target.id for target in node.targets if isinstance(target, ast.Name))
+            yield from (each.id for target in node.targets for each in ast.walk(target) if isinstance(each, ast.Name))
         elif isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name):
             yield node.target.id
 
@@ -126,10 +128,9 @@ def resolves(dotted):
     parts = dotted.split(".")
     for count in range(len(parts), 0, -1):
         place = ROOT.joinpath(*parts[:count])
-        if place.with_suffix(".py").exists():
-            return count == len(parts) or parts[count] in defined(place.with_suffix(".py"))
-        if (place / "__init__.py").exists():
-            return count == len(parts)
+        for file in (place.with_suffix(".py"), place / "__init__.py"):
+            if file.exists():
+                return count == len(parts) or parts[count] in defined(file)
     return False
 
 
@@ -137,6 +138,14 @@ def resolves(dotted):
 def test_dotted_names_are_defined(path):
     """The changelog also names what was before, and so does no other document."""
     assert not [dotted for dotted in DOTTED.findall(path.read_text("utf-8")) if not resolves(dotted)]
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_names_and_paths_in_the_source_are_there(package):
+    for path in (ROOT / package).rglob("*.py"):
+        text = path.read_text("utf-8")
+        assert not [dotted for dotted in DOTTED.findall(text) if not resolves(dotted)], name(path)
+        assert not [file for file in PATH.findall(text) if not (ROOT / file.rstrip(".")).exists()], name(path)
 
 
 def test_a_wrong_name_is_no_name():

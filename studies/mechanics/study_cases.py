@@ -47,7 +47,7 @@ class Plan:
 
     factors : what varies; the last factor varies fastest.
     magnet : model of the magnet where it is no axis.
-    models : in the order of their columns (`studies.models.ordered`); the last one that solves is the reference.
+    models : in the order of their columns (`studies.models.models_of`); the last one that solves is the reference.
     truth : name of the model that errors are taken against; default: the reference, if there is one.
     """
 

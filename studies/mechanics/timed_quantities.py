@@ -4,7 +4,7 @@
 the motion, on a grid of frequencies: along x under a shear, else along z. Z is smooth where its inverse, the gain,
 has peaks, so a spline through the grid gives the gain at every frequency. Frequencies are over
 `fem.analyses.modes.frequency_unit`, and the times of the branches times it, of the design at rest
-(`fem.analyses.vibration.relaxed`): similar designs share a path. The readings of a press are proportional to the
+(`fem.scene.relaxed`): similar designs share a path. The readings of a press are proportional to the
 shift along z, so their gain is this gain; under a shear they depend on the tilt as well, and `magtip response` has
 them.
 

@@ -1,8 +1,8 @@
 """One measured task, in a process of its own.
 
-`python studies/validation/bench_worker.py SPEC` prints one JSON object. The clock starts after the imports and after
-a small task of the same kind, which loads the solver's library and the functions that numba has compiled. CPU seconds
-count this process and its children. `SPEC` is one of:
+`python studies/validation/bench/bench_worker.py SPEC` prints one JSON object. The clock starts after the imports and
+after a small task of the same kind, which loads the solver's library and the functions that numba has compiled. CPU
+seconds count this process and its children. `SPEC` is one of:
 
     {"task": "trace", "model", "magnet", "loads": [{"depth", ...}], "accuracy": {"section_size", ...}}
     {"task": "small shear", "depth"}         stiffness and tilt about a press, with the magnet, at level standard
