@@ -57,8 +57,10 @@ setup: .venv/ready
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[fast,cluster,test]'
 	touch $@
 
-# the site, in out/docs: a warning is an error, and a link that leads nowhere is a warning
+# the site, in out/docs: tutorials are run for their pictures, and must print what they show; a warning is an error, and
+# a link that leads nowhere is a warning
 docs: .venv/docs
+	$(BIN)/python docs/documented_commands.py out/tutorials
 	$(BIN)/sphinx-build -E -W --keep-going -q -c docs . out/docs
 	@echo "open out/docs/index.html"
 

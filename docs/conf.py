@@ -14,6 +14,7 @@ from sphinx import addnodes
 ROOT = Path(__file__).resolve().parent.parent
 sys.path[:0] = [str(ROOT), str(ROOT / "docs")]
 
+import documented_commands  # noqa: E402
 import reference_pages  # noqa: E402
 
 project, author = "magtip", "magtip contributors"
@@ -64,8 +65,17 @@ def folders_as_text(app, doctree):
             link.replace_self(link.children)
 
 
+def drawn_pictures(app, docname, source):
+    """Show the pictures that the blocks of a tutorial have drawn."""
+    path = Path(app.env.doc2path(docname))
+    if path in documented_commands.TUTORIALS:
+        for name in documented_commands.pictures(path):
+            source[0] = source[0].replace(f"]({name})", f"](../../out/tutorials/{path.stem}/{name})")
+
+
 def setup(app):
     logging.getLogger("skfem").setLevel(logging.WARNING)
     app.connect("builder-inited", lambda app: reference_pages.write())
     app.connect("autodoc-process-docstring", in_sections, priority=100)
+    app.connect("source-read", drawn_pictures)
     app.connect("doctree-read", folders_as_text)

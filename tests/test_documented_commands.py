@@ -1,63 +1,26 @@
-"""Commands and Python snippets in the documents run, and print what stands below them.
+"""Commands and Python snippets in the documents run, and print what stands below them."""
 
-A block `console` holds commands after `$`, each with its output; a block `text` is the output of the block `python`
-before it; a block `toml` whose first line is a comment with a name is written to that file first. Numbers are
-compared to the digits that are printed, spaces are not, and a line `...` stands for any lines.
-
-Own code, because none of the packages for this knows all three forms: pytest-codeblocks compares no numbers and runs
-shells, Sybil wants parsers for each form that are as long as this file, and each is one more dependency.
-"""
-
-import contextlib
-import io
-import os
 import re
 import shlex
 import shutil
 import subprocess
-import sys
 import tomllib
-from dataclasses import dataclass
-from pathlib import Path
 
 import pytest
 
-from studies.cli import commands, entry_point
+from docs import documented_commands
+from docs.documented_commands import ROOT, TUTORIALS, blocks, same
+from studies.cli import commands
 from studies.inputs import study_input, user_input
 
-ROOT = Path(__file__).resolve().parent.parent
 READMES = [ROOT / name / "README.md" for name in (".", "geometry", "fem", "analytic", "studies", "results")]
 READMES += [*sorted((ROOT / "docs").glob("*.md")), *sorted((ROOT / "docs" / "explanation").glob("*.md"))]
-COMPILED = ROOT / "studies" / "examples" / "TUTORIAL.md"
-TUTORIALS = [*sorted((ROOT / "docs" / "tutorials").glob("[!i]*.md")), COMPILED]
-FENCE = re.compile(r"^( *)```(\w+)\n(.*?)^\1```$", flags=re.M | re.S)
-NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
+COMPILED = ROOT / "docs" / "tutorials" / "bench_to_robot.md"
 INLINE = re.compile(r"`((?:magtip|python -m) [^`]+)`")
 
 INSTEAD = {"make demo": "make -n demo", "make test": "make -n test"}
 """What is run for a command that takes minutes: `make -n` prints the commands without running them. The job of the
 demo runs on few states in test_demo.py, and `make test` is what runs this file."""
-
-
-@dataclass(frozen=True)
-class Block:
-    path: Path
-    number: int
-    kind: str
-    text: str
-    output: str | None
-
-
-def blocks(path):
-    """Fenced blocks of a document; the output of a snippet belongs to it."""
-    parts = []
-    for number, (indent, kind, text) in enumerate(FENCE.findall(path.read_text("utf-8"))):
-        text = "".join(line.removeprefix(indent) for line in text.splitlines(keepends=True))
-        if kind == "text" and parts and parts[-1].kind == "python":
-            parts[-1] = Block(path, parts[-1].number, "python", parts[-1].text, text)
-        else:
-            parts.append(Block(path, number, kind, text, None))
-    return parts
 
 
 BLOCKS = [block for path in READMES for block in blocks(path)]
@@ -72,41 +35,6 @@ def of_kind(*kinds):
     return pytest.mark.parametrize("block", chosen, ids=lambda block: f"{name(block.path)}-{block.number}")
 
 
-def commands_of(block):
-    """Each command after $, with its output; in a block `sh` all lines are commands, without output."""
-    if block.kind == "sh":
-        return [(line.partition("#")[0].strip(), None) for line in block.text.splitlines()]
-    parts = re.split(r"^\$ ", block.text, flags=re.M)
-    assert not parts[0], "a block console begins with $"
-    return [tuple(part.partition("\n")[::2]) for part in parts[1:]]
-
-
-def close(shown, printed):
-    """Whether a number is the one that is shown, to its last digit."""
-    mantissa, _, power = shown.lower().partition("e")
-    digit = 10.0 ** (int(power or 0) - len(mantissa.partition(".")[2]))
-    return abs(float(shown) - float(printed)) <= 1.001 * digit
-
-
-def same_line(shown, printed):
-    if NUMBER.sub("#", shown).split() != NUMBER.sub("#", printed).split():
-        return False
-    return all(map(close, NUMBER.findall(shown), NUMBER.findall(printed)))
-
-
-def same(shown, printed):
-    """Whether lines are as they are shown, with `...` for any lines."""
-    if not shown:
-        return not printed
-    if shown[0] == "...":
-        return any(same(shown[1:], printed[k:]) for k in range(len(printed) + 1))
-    return bool(printed) and same_line(shown[0], printed[0]) and same(shown[1:], printed[1:])
-
-
-def lines(text):
-    return [line for line in text.splitlines() if line.strip()]
-
-
 def test_numbers_count_to_their_last_digit():
     assert same(["F 4.187 N", "...", "end"], ["F  4.1874 N", "x", "y", "end"])
     assert not same(["F 4.187 N"], ["F 4.189 N"])
@@ -119,16 +47,16 @@ def test_numbers_count_to_their_last_digit():
 def files_of(path, folder):
     """Write the files that a document shows."""
     for block in blocks(path):
-        if block.kind == "toml" and (first := re.match(r"# (\S+\.toml)\n", block.text)):
-            (folder / first[1]).write_text(block.text, encoding="utf-8")
+        if block.file:
+            (folder / block.file).write_text(block.text, encoding="utf-8")
 
 
 @of_kind("console", "sh")
-def test_command_prints_what_is_shown(block, capsys, tmp_path, monkeypatch):
+def test_command_prints_what_is_shown(block, tmp_path, monkeypatch):
     files_of(block.path, tmp_path)
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "100")
-    for command, output in commands_of(block):
+    for command, output in block.commands:
         program, *tokens = shlex.split(INSTEAD.get(command, command))
         if program == "make":
             assert shutil.which("make"), "the set-up needs make"
@@ -136,21 +64,7 @@ def test_command_prints_what_is_shown(block, capsys, tmp_path, monkeypatch):
             assert re.search(r"\bmagtip demo --out out/demo|\bpytest\b", done.stdout)
             continue
         assert program == "magtip", command
-        assert entry_point.main(tokens) == 0, command
-        assert same(lines(output), lines(capsys.readouterr().out)), command
-
-
-def run_shown(command, capsys):
-    """What a command of the tutorial prints on standard output, run where it stands."""
-    words, _, given = command.partition(" < ")
-    program, *tokens = shlex.split(words)
-    if program == "magtip":
-        assert entry_point.main(tokens) == 0, command
-        return capsys.readouterr().out
-    program = sys.executable if program == "python" else program
-    with open(given or os.devnull, encoding="utf-8") as source:
-        done = subprocess.run([program, *tokens], stdin=source, capture_output=True, text=True, check=True)
-    return done.stdout
+        documented_commands.compare(output, documented_commands.printed_by(command), command)
 
 
 NEEDS_GCC = pytest.mark.skipif(
@@ -163,37 +77,17 @@ NEEDS_GCC = pytest.mark.skipif(
     [pytest.param(path, marks=[pytest.mark.calibrates, NEEDS_GCC] if path == COMPILED else ()) for path in TUTORIALS],
     ids=name,
 )
-def test_tutorial_prints_what_it_shows(path, capsys, tmp_path, monkeypatch):
-    """Its commands and snippets follow each other in one folder, with the files and the names that it has made."""
-    monkeypatch.chdir(tmp_path)
+def test_tutorial_prints_what_it_shows(path, tmp_path, monkeypatch):
+    """Its commands and snippets follow each other in one folder; `make docs` also runs those that take longer."""
     monkeypatch.setenv("COLUMNS", "100")
     monkeypatch.setenv("PYTHONPATH", str(ROOT))
-    names = {"__name__": "snippet"}
-    for block in blocks(path):
-        if block.kind == "c":
-            Path(re.match(r"/\* (\S+):", block.text)[1]).write_text(block.text, encoding="utf-8")
-        elif block.kind == "python":
-            run_snippet(block, names)
-        else:
-            assert block.kind == "console"
-            for command, output in commands_of(block):
-                assert same(lines(output), lines(run_shown(command, capsys))), command
-    pictures = re.findall(r"!\[[^]]*\]\((\w+\.\w+)\)", path.read_text("utf-8"))
-    assert [picture for picture in pictures if not Path(picture).exists()] == []
-
-
-def run_snippet(block, names):
-    """Run a snippet with names that it may add to, and compare what it prints."""
-    printed = io.StringIO()
-    with contextlib.redirect_stdout(printed):
-        exec(compile(block.text, str(block.path), "exec"), names)
-    assert same(lines(block.output or ""), lines(printed.getvalue()))
+    documented_commands.run(path, tmp_path, long=False)
 
 
 @of_kind("python")
 def test_snippet_prints_what_is_shown(block):
     assert block.output is not None, "show what it prints in a block `text`"
-    run_snippet(block, {"__name__": "snippet"})
+    documented_commands.run_snippet(block, {"__name__": "snippet"})
 
 
 @of_kind("toml")
@@ -213,13 +107,16 @@ def test_no_other_blocks():
     assert fences == 2 * sum(1 + (block.output is not None) for block in BLOCKS)
 
 
-def inline():
-    return sorted({command for path in READMES + TUTORIALS for command in INLINE.findall(path.read_text("utf-8"))})
+def not_run():
+    """Commands within text, and those that take too long."""
+    inline = {command for path in READMES + TUTORIALS for command in INLINE.findall(path.read_text("utf-8"))}
+    long = {command for path in TUTORIALS for block in blocks(path) if block.long for command, _ in block.commands}
+    return sorted(inline | long)
 
 
-@pytest.mark.parametrize("command", inline())
-def test_command_within_text_is_understood(command):
-    """Its verb and options are there, its values are of their kinds; it is not run."""
+@pytest.mark.parametrize("command", not_run())
+def test_command_that_is_not_run_is_understood(command):
+    """Its verb and options are there, its values are of their kinds."""
     program, *tokens = shlex.split(command)
     if program == "python":
         place = ROOT.joinpath(*tokens[1].split("."))
