@@ -16,7 +16,7 @@ from geometry.cad import element_positions
 from geometry.design import Design, paper, preset
 from geometry.fabrication.hall_elements import SS495A
 from geometry.mold import Mold
-from studies.fabrication import board_files, board_layers, circuit_board, parts_list
+from studies.fabrication import board_files, board_layers, circuit_board, kicad_schematic, parts_list
 from studies.fabrication.board_layers import Track, Via
 from studies.fabrication.sensor_solids import FabricationChoices
 from studies.parts import catalogues
@@ -216,6 +216,44 @@ def test_the_kicad_file_has_each_pad_at_its_place_and_net(boards):
             x, y = u * math.cos(turn) - v * math.sin(turn), u * math.sin(turn) + v * math.cos(turn)
             assert math.dist((x0 - board_files.SHEET + x, board_files.SHEET - y0 + y), pad.at) < 1e-5
             assert values.get("net", ["", ""])[1] == pad.net
+
+
+@pytest.mark.parametrize("name", ["paper", "four"])
+def test_the_schematic_has_the_nets_of_the_board(boards, name):
+    """Read by its lines: a pin of a symbol, placed on the sheet, ends in the label or cross at its place."""
+    from gerbonara.cad.kicad.sexp import parse_sexp
+
+    made = boards[name]
+
+    def at(item):
+        x, y = items(item, "at")[0][1:3]
+        return round(x, 3), round(y, 3)
+
+    def items(parent, kind):
+        return [item for item in parent if isinstance(item, list) and item[0] == kind]
+
+    text = kicad_schematic.schematic(made, "a title")
+    read, drawn = parse_sexp(text), parse_sexp(board_files.kicad_board(made, "a title"))
+    pins = {
+        symbol[1]: [
+            (*at(pin), items(pin, "number")[0][1]) for unit in items(symbol, "symbol") for pin in items(unit, "pin")
+        ]
+        for symbol in items(items(read, "lib_symbols")[0], "symbol")
+    }
+    ends = {at(label): label[1] for label in items(read, "global_label")}
+    ends |= {at(cross): "" for cross in items(read, "no_connect")}
+    found = {}
+    for symbol in items(read, "symbol"):
+        name, (x, y) = items(symbol, "lib_id")[0][1], at(symbol)
+        found |= {
+            (name.split(":")[1], number): ends.pop((round(x + u, 3), round(y - v, 3))) for u, v, number in pins[name]
+        }
+    assert found == {(part.reference, pad.number): pad.net for part in made.parts for pad in part.pads}
+    assert ends == {}
+    paths = [items(footprint, "path")[0][1] for footprint in items(drawn, "footprint") if items(footprint, "path")]
+    assert len(paths) == len(made.parts)
+    # the reader takes the first digits of an identity for a number
+    assert re.findall(r"\(on_board yes\)\s+\(uuid ([0-9a-f-]+)\)", text) == [path[1:] for path in paths]
 
 
 def test_bill_and_places_name_each_part_once(boards):

@@ -1,6 +1,6 @@
 """The files of a circuit board: KiCad project, Gerber and Excellon, parts and their places, picture and page.
 
-KiCad's files are S-expressions in the format of KiCad 6 (20211014), which later versions read. Gerber and Excellon
+KiCad's board is an S-expression in the format of KiCad 6 (20211014), which later versions read. Gerber and Excellon
 files are written by gerbonara. Their origin is the beam's axis, as is the drill and place origin of the board in
 KiCad, whose y axis points downwards.
 """
@@ -11,7 +11,6 @@ import io
 import itertools
 import json
 import math
-import uuid
 import zipfile
 from collections.abc import Iterator, Mapping, Sequence
 from html import escape
@@ -42,6 +41,15 @@ from studies.fabrication.board_layers import (
     copper,
 )
 from studies.fabrication.circuit_board import PULL_UP
+from studies.fabrication.kicad_schematic import (
+    Expression,
+    footprint_of,
+    identity,
+    path_of,
+    quoted,
+    schematic,
+    text_of,
+)
 from studies.fabrication.sensor_solids import FabricationChoices
 from studies.output import atomic_files, page_templates
 from studies.output.records import FlatRow
@@ -73,7 +81,6 @@ LAYERS = {
 }
 """Layers of the file that are used, by KiCad's numbers."""
 FONT = ["effects", ["font", ["size", LETTER, LETTER], ["thickness", PEN]]]
-Expression = Sequence[Any]
 
 
 # KiCad
@@ -87,10 +94,10 @@ def kicad_board(made: Board, title: str) -> str:
         ["generator", "magtip"],
         ["general", ["thickness", made.thickness]],
         ["paper", '"A4"'],
-        ["title_block", ["title", _quoted(title)]],
-        ["layers", *([number, _quoted(name), kind] for number, (name, kind) in LAYERS.items())],
+        ["title_block", ["title", quoted(title)]],
+        ["layers", *([number, quoted(name), kind] for number, (name, kind) in LAYERS.items())],
         ["setup", ["pad_to_mask_clearance", MASK], ["aux_axis_origin", SHEET, SHEET]],
-        *(["net", number, _quoted(net)] for net, number in nets.items()),
+        *(["net", number, quoted(net)] for net, number in nets.items()),
         *(_footprint(part, nets) for part in made.parts),
         *(_screw_hole(number, hole) for number, hole in enumerate(made.holes, 1)),
         *_drawings(made),
@@ -99,13 +106,13 @@ def kicad_board(made: Board, title: str) -> str:
         face = "B.Cu" if track.below else "F.Cu"
         for start, end in _pairs(track.points):
             ends = ["start", *_there(start)], ["end", *_there(end)]
-            what = ["width", track.width], ["layer", _quoted(face)], ["net", nets[track.net]]
+            what = ["width", track.width], ["layer", quoted(face)], ["net", nets[track.net]]
             body.append(["segment", *ends, *what, _stamp(track, start)])
     for via in made.vias:
         size = ["size", VIA], ["drill", DRILL], ["layers", '"F.Cu"', '"B.Cu"']
         body.append(["via", ["at", *_there(via.at)], *size, ["net", nets[via.net]], _stamp(via)])
     body += [_zone(made, below, nets["GND"]) for below in (False, True)]
-    return _text(["kicad_pcb", *body]) + "\n"
+    return text_of(["kicad_pcb", *body]) + "\n"
 
 
 def kicad_project() -> str:
@@ -127,6 +134,8 @@ def kicad_project() -> str:
     settings = {"defaults": {}, "rules": rules, "rule_severities": severities, "track_widths": [TRACK]}
     project = {
         "board": {"design_settings": settings},
+        # the symbols too are in the schematic only
+        "erc": {"rule_severities": {"lib_symbol_issues": "ignore", "footprint_link_issues": "ignore"}},
         "meta": {"filename": f"{NAME}.kicad_pro", "version": 1},
         "net_settings": {"classes": [own], "meta": {"version": 2}},
         "sheets": [],
@@ -143,14 +152,15 @@ def _footprint(part: Part, nets: Mapping[str, int]) -> Expression:
     court = _box(part, (left, low, right, high), f"{side}.CrtYd", 0.05)
     return [
         "footprint",
-        _quoted(f"magtip:{part.package}"),
-        ["layer", _quoted(f"{side}.Cu")],
+        quoted(footprint_of(part)),
+        ["layer", quoted(f"{side}.Cu")],
         _stamp(part),
         ["at", *_there(part.at), part.angle],
-        ["descr", _quoted(f"{part.value}, {part.body[4]:.3g} mm high")],
+        ["descr", quoted(f"{part.value}, {part.body[4]:.3g} mm high")],
+        ["path", quoted(path_of(part))],
         ["attr", "through_hole" if part.through else "smd"],
-        ["fp_text", "reference", _quoted(part.reference), at, ["layer", _quoted(f"{side}.Fab")], text],
-        ["fp_text", "value", _quoted(part.value), at, ["layer", _quoted(f"{side}.Fab")], "hide", text],
+        ["fp_text", "reference", quoted(part.reference), at, ["layer", quoted(f"{side}.Fab")], text],
+        ["fp_text", "value", quoted(part.value), at, ["layer", quoted(f"{side}.Fab")], "hide", text],
         court,
         _box(part, part.body[:4], f"{side}.Fab", 0.1),
         *(_pad(part, pad, nets) for pad in part.pads),
@@ -160,17 +170,17 @@ def _footprint(part: Part, nets: Mapping[str, int]) -> Expression:
 def _pad(part: Part, pad: Pad, nets: Mapping[str, int]) -> Expression:
     side, turned = "B" if part.below else "F", part.angle % 180 != 0
     size = pad.size[::-1] if turned else pad.size
-    layers = ['"*.Cu"', '"*.Mask"'] if pad.drill else [_quoted(f"{side}.{name}") for name in ("Cu", "Paste", "Mask")]
+    layers = ['"*.Cu"', '"*.Mask"'] if pad.drill else [quoted(f"{side}.{name}") for name in ("Cu", "Paste", "Mask")]
     return [
         "pad",
-        _quoted(pad.number),
+        quoted(pad.number),
         "thru_hole" if pad.drill else "smd",
         "circle" if pad.is_round else "rect",
         ["at", *_local(part, pad.at), part.angle],
         ["size", *size],
         *([["drill", pad.drill]] if pad.drill else []),
         ["layers", *layers],
-        *([["net", nets[pad.net], _quoted(pad.net)]] if pad.net else []),
+        *([["net", nets[pad.net], quoted(pad.net)]] if pad.net else []),
         _stamp(part, pad),
     ]
 
@@ -180,13 +190,13 @@ def _screw_hole(number: int, hole: tuple[float, float, float]) -> Expression:
     pad = ["pad", '""', "np_thru_hole", "circle", ["at", 0, 0], ["size", d, d], ["drill", d]]
     return [
         "footprint",
-        _quoted(f"magtip:MountingHole_{d:g}mm"),
+        quoted(f"magtip:MountingHole_{d:g}mm"),
         ["layer", '"F.Cu"'],
         _stamp("hole", hole),
         ["at", *_there((x, y))],
-        ["attr", "exclude_from_pos_files", "exclude_from_bom"],
-        ["fp_text", "reference", _quoted(f"H{number}"), ["at", 0, 0], ["layer", '"F.Fab"'], "hide", FONT],
-        ["fp_text", "value", _quoted(f"screw {d:g}"), ["at", 0, 0], ["layer", '"F.Fab"'], "hide", FONT],
+        ["attr", "board_only", "exclude_from_pos_files", "exclude_from_bom"],
+        ["fp_text", "reference", quoted(f"H{number}"), ["at", 0, 0], ["layer", '"F.Fab"'], "hide", FONT],
+        ["fp_text", "value", quoted(f"screw {d:g}"), ["at", 0, 0], ["layer", '"F.Fab"'], "hide", FONT],
         [*pad, ["layers", '"*.Cu"', '"*.Mask"'], _stamp("pad", hole)],
     ]
 
@@ -208,7 +218,7 @@ def _drawings(made: Board) -> Iterator[Expression]:
 
 
 def _zone(made: Board, below: bool, net: int) -> Expression:
-    face = _quoted("B.Cu" if below else "F.Cu")
+    face = quoted("B.Cu" if below else "F.Cu")
     ring = list(made.area.exterior.coords)[:-1]
     return [
         "zone",
@@ -267,7 +277,7 @@ def one_ring(shape: Polygon) -> list[Point]:
 
 def _box(part: Part, corners: Sequence[float], layer: str, pen: float) -> Expression:
     a, b = _local(part, (corners[0], corners[1])), _local(part, (corners[2], corners[3]))
-    pencil = ["layer", _quoted(layer)], ["width", pen], ["fill", "none"]
+    pencil = ["layer", quoted(layer)], ["width", pen], ["fill", "none"]
     return ["fp_rect", ["start", *a], ["end", *b], *pencil, _stamp(part, layer)]
 
 
@@ -288,24 +298,8 @@ def _pairs(points: Sequence[Point]) -> list[tuple[Point, Point]]:
     return [(a, b) for a, b in itertools.pairwise(points) if math.dist(a, b) > 1e-6]
 
 
-def _quoted(text: str) -> str:
-    return json.dumps(text, ensure_ascii=False)
-
-
 def _stamp(*what: object) -> Expression:
-    """Return the identity of a thing, which is the same in each run."""
-    return ["tstamp", str(uuid.uuid5(uuid.NAMESPACE_OID, repr(what)))]
-
-
-def _text(expression: Expression, depth: int = 0) -> str:
-    """Return an S-expression; a number has six digits behind the point at most."""
-    parts = []
-    for each in expression:
-        if isinstance(each, (list, tuple)):
-            parts.append(("\n" + "  " * (depth + 1) if depth < 2 else "") + _text(each, depth + 1))
-        else:
-            parts.append(f"{each:.6f}".rstrip("0").rstrip(".") if isinstance(each, float) else str(each))
-    return f"({' '.join(parts)})".replace(" \n", "\n").replace("-0 ", "0 ").replace("-0)", "0)")
+    return ["tstamp", identity(*what)]
 
 
 # Gerber and Excellon
@@ -496,14 +490,15 @@ def positions(made: Board) -> list[FlatRow]:
 
 # The verb
 
-PROJECT, BOARD, GERBERS, PICTURE, PAGE = (
+PROJECT, SCHEMATIC, BOARD, GERBERS, PICTURE, PAGE = (
     f"{NAME}.kicad_pro",
+    f"{NAME}.kicad_sch",
     f"{NAME}.kicad_pcb",
     "gerbers.zip",
     "board.png",
     "BOARD.md",
 )
-FILES = (PROJECT, BOARD, GERBERS, PICTURE, PAGE, "bom.csv", "positions.csv", parts_list.FILE)
+FILES = (PROJECT, SCHEMATIC, BOARD, GERBERS, PICTURE, PAGE, "bom.csv", "positions.csv", parts_list.FILE)
 """Names of all files."""
 
 
@@ -550,6 +545,7 @@ def study(
         tables={"bom": row["parts"], "positions": row["positions"], "parts": parts},
         files={
             PROJECT: _writer(kicad_project().encode()),
+            SCHEMATIC: _writer(schematic(made, title).encode()),
             BOARD: _writer(kicad_board(made, title).encode()),
             GERBERS: _writer(archive),
             PICTURE: _writer(image),
