@@ -13,11 +13,15 @@ These are image charges of the opposite sign: the image of a magnet has its mome
 of that along the plane. It is exact for a half space. A sheet is weaker: of thickness t it acts as one while mu_r t
 is much more than the distance. Sources: Jackson, Classical Electrodynamics, section 4.4 (the electrostatic case).
 
-**Iron spheroid** (ball, rod, disc) of half axes b, b and a along its axis, volume V, in a field B_0 that hardly
-varies over it: moment mu_0 m = V chi B_0 / (1 + chi N) along each axis, with the demagnetising factors N (Osborn,
-Phys. Rev. 67, 1945, 351), and the field of a dipole. A ball has N = 1/3 and 3 V (mu_r - 1) / (mu_r + 2). Its answer
-back to the magnet's own place, and that of iron to iron, are left out: of the order of the cube of its size over the
-distance.
+**Iron spheroid** (ball, rod, disc) of half axes b, b and a along its axis, volume V: moment mu_0 m = V chi B_0 /
+(1 + chi N) along each axis, with the demagnetising factors N (Osborn, Phys. Rev. 67, 1945, 351) and the mean B_0 of
+the magnet's field over its volume, which gives the moment in any field (reciprocity: the spheroid is uniformly
+magnetised by a uniform field). A ball has N = 1/3 and 3 V (mu_r - 1) / (mu_r + 2). Outside, a uniformly magnetised
+spheroid is a row of dipoles between its foci, c = sqrt(a^2 - b^2) off its centre, whose density falls as
+1 - x^2 / c^2, and the mean of a field without sources over its volume is that with these weights, too. A disc (a < b)
+counts as small: its field and B_0 are those at its centre. What a field that varies along the iron magnetises beyond
+the moment, and the answer of iron to iron and to the magnet, are left out: a rod is a rough figure where it is nearer
+than half its length, and its ends are those of a spheroid, not of a cylinder.
 
 **Other magnets** are exact cylinders, those of another sensor of the same design; **motors** are dipoles.
 """
@@ -35,6 +39,8 @@ from analytic.magnet import MU_0
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
 
+FOCAL_POINTS = 24
+"""Gauss points between the foci of a rod."""
 IRON = 1000.0
 """Relative permeability of mild steel and of ferritic stainless steel in weak fields, a common round value; of pure
 iron and of Permalloy it is higher, and an answer hardly depends on it from 100 on."""
@@ -67,6 +73,11 @@ Surroundings = Callable[[Array, Poses], Array]
 def uniform(B: Array) -> Surroundings:
     """Return a uniform field B (3,), T."""
     return lambda points, poses: np.broadcast_to(B, (len(poses), len(points), 3))
+
+
+def gradient(G: Array, at: Array) -> Surroundings:
+    """Return a field that grows from 0 at a point (3,), mm, by G (3, 3), T/mm, symmetric and without a trace."""
+    return lambda points, poses: np.broadcast_to((points - at) @ G, (len(poses), len(points), 3))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -132,11 +143,16 @@ class IronPiece:
     def __call__(self, points: Array, poses: Poses) -> Array:
         """Return the field of the moment that the sensor's magnet induces."""
         t, chi = self.axis / np.linalg.norm(self.axis), self.permeability - 1
-        B0 = poses.field(self.design, self.place[None])[:, 0]
+        half_focus = math.sqrt(max(self.length**2 - self.diameter**2, 0.0)) / 2
+        nodes, weights = np.polynomial.legendre.leggauss(FOCAL_POINTS if half_focus else 1)
+        weights = weights * (1 - nodes**2)
+        weights, places = weights / weights.sum(), self.place + half_focus * nodes[:, None] * t
+        B0 = np.einsum("p,mpi->mi", weights, poses.field(self.design, places))
         along, across = (chi / (1 + chi * N) for N in demagnetising_factors(self.length / self.diameter))
         induced = across * B0 + (along - across) * (B0 @ t)[:, None] * t
         volume = math.pi / 6 * self.diameter**2 * self.length
-        return _dipole_field(points - self.place, volume * induced)
+        fields = [_dipole_field(points - place, volume * induced) for place in places]
+        return np.asarray(np.einsum("p,pmij->mij", weights, np.array(fields)))
 
 
 def motor(place: Array, moment: Array) -> Surroundings:

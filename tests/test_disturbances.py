@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import skfem
+from scipy.stats import qmc
 from skfem.helpers import dot, grad
 
 from analytic import surroundings
@@ -103,6 +104,46 @@ def test_a_rod_along_the_field_answers_more_than_a_ball_of_its_volume():
     assert np.linalg.norm(rod) > 3 * np.linalg.norm(ball)
 
 
+def test_a_rod_has_the_field_of_its_volume_magnetised_by_its_mean():
+    """Both means over the rod's volume by points spread in it; the rod lies nearer than half its length."""
+    place, axis, a, b = np.array([9.0, 0.0, 4.0]), np.array([0.0, 0.6, 0.8]), 8.0, 2.0
+    rod = IronPiece(DESIGN, place, 2 * b, 2 * a, axis)(POINTS, REST)[0]
+    even = qmc.Sobol(3, seed=0).random(2**14)
+    up, turn = 2 * even[:, 1] - 1, 2 * np.pi * even[:, 2]
+    flat = np.sqrt(1 - up**2)
+    inside = np.cbrt(even[:, :1]) * np.column_stack([flat * np.cos(turn), flat * np.sin(turn), up])
+    along = (inside @ axis)[:, None] * axis
+    volume = place + a * along + b * (inside - along)
+    B0 = field_at(volume, DESIGN).mean(axis=0)
+    N, across = surroundings.demagnetising_factors(a / b)
+    t = (B0 @ axis) * axis
+    J = 999 * (t / (1 + 999 * N) + (B0 - t) / (1 + 999 * across)) * 4 / 3 * math.pi * a * b * b
+    x = POINTS[:, None] - volume
+    size = np.linalg.norm(x, axis=2)[..., None]
+    field = (3 * x * (x @ J)[..., None] / size**5 - J / size**3).mean(axis=1) / (4 * math.pi)
+    assert rod == pytest.approx(field, rel=5e-3, abs=1e-3 * np.abs(field).max())
+
+
+def test_a_rod_far_away_is_the_dipole_of_its_demagnetising_factors():
+    place = np.array([0.0, 0.0, 300.0])
+    along, across = (
+        IronPiece(DESIGN, place, 1.0, 20.0, axis)([[0.0, 0.0, 0.0]], REST)[0, 0, 2] for axis in (UP, AWAY)
+    )
+    N, N_across = surroundings.demagnetising_factors(20.0)
+    assert along == pytest.approx((1 + 999 * N_across) / (1 + 999 * N) * across, rel=0.01)
+
+
+def test_the_far_field_of_a_motor_is_a_uniform_one_with_its_gradient():
+    far = surroundings.motor(np.array([0.0, 0.0, 400.0]), 0.5 * UP)
+    middle, step = np.array([[0.0, 0.0, 1.0]]), 1e-2
+    G = np.array([
+        (far(middle + step * e, REST) - far(middle - step * e, REST))[0, 0] / (2 * step) for e in np.eye(3)
+    ])  # fmt: skip
+    assert np.trace(G) == pytest.approx(0, abs=1e-6 * np.abs(G).max())
+    whole = far(middle, REST) + surroundings.gradient(G, middle[0])(POINTS, REST)
+    assert far(POINTS, REST) == pytest.approx(whole, rel=1e-3, abs=1e-3 * np.abs(whole).max())
+
+
 def test_a_motor_is_a_dipole():
     place, moment = np.array([50.0, 0.0, 0.0]), 0.1
     J = MU_0 * moment / (math.pi * 1e-9)  # of a cylinder of radius and height 1 mm
@@ -164,6 +205,22 @@ def test_a_hotter_sensor_is_stiffer_by_the_absolute_temperature(run):
     assert modulus["error_N"] == pytest.approx(found["full_scale_N"] * (1 - 293.15 / 313.15), rel=0.02)
 
 
+def test_per_kelvin_all_is_the_sum_of_its_causes_and_nulls_drift_by_what_is_stated(run):
+    found = record(run, "--warming", "1", "--null-drift", "3")["warming"]
+    *causes, known = [each["press_N_per_K"] for each in found]
+    # nulls drift to either side
+    assert causes.pop(2) is None
+    assert known == pytest.approx(sum(causes), rel=0.01)
+    assert min(map(abs, causes)) > 1e-3
+    # taring removes a drift
+    assert found[2]["tared_N"] < 1e-3 * found[2]["error_N"]
+    # what is not stated is not known, and is in no sum
+    unknown = record(run, "--warming", "1")["warming"]
+    assert unknown[2]["error_N"] is None
+    assert unknown[-1]["press_N_per_K"] == pytest.approx(known, rel=1e-9)
+    assert unknown[-1]["error_N"] < found[-1]["error_N"] < unknown[-1]["error_N"] + 1.01 * found[2]["error_N"]
+
+
 def test_what_the_mechanics_do_not_reach_is_said_and_has_no_error(run, toml):
     """A colder silicone is softer, and its largest press lies beyond what is known; so do required loads of 40 N."""
     cold = record(run, "--warming=-50")
@@ -195,6 +252,7 @@ def test_three_chips_reject_a_uniform_field_at_the_price_of_noise(run):
     plain, rejected = record(run, *CHIPS), record(run, *CHIPS, "--reject-ambient")
     assert row(rejected, "uniform field")["tared_N"] < 1e-6 < 0.1 < row(plain, "uniform field")["tared_N"]
     assert 1.0 < rejected["noise_factor"] < 3.0
+    assert row(rejected, "field gradient")["tared_N"] > 1e-3
 
 
 def test_decode_rejects_a_uniform_field(run):
@@ -216,6 +274,10 @@ REFUSALS = {
     "--iron up=3": "--iron takes below, beside, front and a distance, such as below=10; got 'up=3'",
     "--iron below=1": "--iron below must lie farther than",
     "--ball 4,5,0,4": "overlaps the beam",
+    "--rod 3,50,4,0,5,0,1,0": "--rod 3,50,4,0,5,0,1,0 overlaps the beam: move it out, or turn it",
+    "--rod 3,50,16,0,5,0,0,0": "the direction of the axis is 0; give one such as 0,1,0",
+    "--rod 3,2,16,0,5,0,1,0": "--rod: the length must lie between 3 and 10000 mm; got 2 mm",
+    "--gradient=-1": "--gradient must lie between 0 and 1e+06 uT/mm; got -1 uT/mm",
     "--ball 3,4": "--ball takes DIAMETER,X,Y,Z in mm; got '3,4'",
     "--neighbour 3,0": "its axis must be farther away than D = 8 mm",
     "--motor 0.1,5,0,5": "its place must lie D = 8 mm or more off the beam",

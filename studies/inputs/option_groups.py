@@ -362,11 +362,17 @@ class Disturbing:
 
     ambient: float = 50.0
     """Strength of a uniform field of any direction, uT; the earth's is 25 to 65."""
+    gradient: float = 1.0
+    """Gradient of a field that is 0 in the middle of the elements, any direction, uT/mm: 1 is that of a source whose
+    field is 50 uT at 150 mm."""
     iron: list[str] | None = None
     """A large piece of iron with a flat face: below=DISTANCE from the base plane, beside=DISTANCE from the axis, or
     front=DISTANCE from the tip, mm; front=0 is the object that the tip presses. Repeatable."""
     ball: list[str] | None = None
     """DIAMETER,X,Y,Z of an iron ball, mm; repeatable."""
+    rod: list[str] | None = None
+    """DIAMETER,LENGTH,X,Y,Z,AX,AY,AZ of an iron rod, as a slender spheroid: its middle, mm, and the direction of its
+    axis, such as 3,50,16,0,7,0,1,0; repeatable."""
     neighbour: list[str] | None = None
     """X,Y of the axis of a second sensor of this design beside it, mm; repeatable."""
     jaw: list[float] | None = None
@@ -377,6 +383,9 @@ class Disturbing:
     """Relative permeability of iron: about 1000 for mild steel; above 100 it hardly matters."""
     warming: float = 10.0
     """Change of the temperature, K."""
+    null_drift: float | None = None
+    """Largest drift of an element's null to either side, uT/K; default: unknown, since no data sheet of the
+    catalogue states it."""
     reject_ambient: Rejecting = False
     level: LoadSource | None = None
     responses: Responses | None = None

@@ -22,10 +22,10 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from analytic import surroundings
-from analytic.decode import Decoder, decode, decoder
+from analytic.decode import Decoder, decode, decoder, told_slopes
 from analytic.hall import means_over_plates, plates_of
 from analytic.inverse import response_surface
-from analytic.inverse.forward_model import Forward, readings_at, rotation
+from analytic.inverse.forward_model import Forward, model, readings_at, readings_with_slopes, rotation
 from analytic.parts import of_design
 from analytic.surroundings import IronPiece, IronPlane, Neighbour, Poses, Surroundings
 from geometry.arrays import Array
@@ -54,8 +54,9 @@ TURNS = (2 * np.pi * np.arange(4) / 4).tolist()
 DIRECTIONS = np.array([v for v in itertools.product((-1.0, 0.0, 1.0), repeat=3) if any(v)])
 DIRECTIONS /= np.linalg.norm(DIRECTIONS, axis=1)[:, None]
 """Directions of a uniform field or a moment: to the faces, edges and corners of a cube."""
-SILICONE_EXPANSION = 3e-4
-"""Linear thermal expansion of silicone rubber, 1/K: makers' data sheets state 2.5e-4 to 3.5e-4; assumed."""
+SILICONE_EXPANSION, BASE_EXPANSION = 3e-4, 9e-5
+"""Linear thermal expansion, 1/K, of silicone rubber (makers' data sheets state 2.5e-4 to 3.5e-4) and of a printed
+base (ABS; PLA has 7e-5); assumed."""
 SIDES = {"below": (0.0, 0.0, 1.0), "beside": (-1.0, 0.0, 0.0), "front": (0.0, 0.0, -1.0)}
 """Where a large piece of iron is, and the normal of its face towards the sensor."""
 
@@ -122,7 +123,8 @@ def run(
         progress(k / (len(chosen) + 1), one.name)
         rows.append(_row(coder, one, loads, full))
     progress(len(chosen) / (len(chosen) + 1), "warming")
-    warmed = warming(coder, loads, options.warming, full)
+    quantity("--null-drift", options.null_drift or 0.0, "uT/K", 0.0, 1e6)
+    warmed = warming(coder, loads, options, full)
     far = {field: surroundings.reach(design, field * 1e-3) for field in (0.5, 0.1)}
     price = _price(coder, design, loads) if options.reject_ambient else 1.0
     record = {
@@ -280,15 +282,15 @@ def _errors(coder: Decoder, name: str, readings: Array, loads: Loads, full: floa
     }
 
 
-def warming(coder: Decoder, loads: Loads, kelvin: float, full: float) -> list[FlatRow]:
+def warming(coder: Decoder, loads: Loads, options: Disturbing, full: float) -> list[FlatRow]:
     """Return errors of the force of a sensor that is warmer than its decoder takes it, cause by cause.
 
-    Remanence, gain and modulus change as `Design.temperature` says; the silicone below the magnet's centre expands
-    and lifts it. The base and the nulls of the elements stay, what a magnet loses for good is not modelled, and the
-    loads are held. Tared: at rest at the new temperature.
+    Remanence, gain and modulus change as `Design.temperature` says; nulls drift by up to --null-drift, each to the
+    side that moves a force most; the silicone below the magnet's centre expands and lifts it, the base expands and
+    takes the elements along. What a magnet loses for good is not modelled, and the loads are held. Tared: at rest at
+    the new temperature. To first order the signed error of the largest press is the sum of its causes without nulls.
     """
-    design, law = coder.forward.design, coder.mechanics
-    assert law is not None
+    design, kelvin = coder.forward.design, options.warming
     warm = replace(design, temperature=design.temperature + kelvin)
     magnet, stiff = warm.remanence_now / design.remanence_now, warm.E_now / design.E_now
     three = design.hall_layout == "three"
@@ -303,21 +305,60 @@ def warming(coder: Decoder, loads: Loads, kelvin: float, full: float) -> list[Fl
     lift = np.array([[0.0], [0.0], [rise]])
     known = "no data sheet states its drift" if math.isnan(drift) else f"{drift:g} %/K"
     told = f"gain of the elements ({known}{'' if three or math.isnan(drift) else ', a bound to either side'})"
-    causes = {
-        f"remanence ({design.remanence_drift:g} %/K)": (free, magnet),
-        told: (free, gain),
-        f"modulus ({100 * (stiff - 1) / kelvin:.2g} %/K)": (softer, 1.0),
-        f"expansion of the silicone ({SILICONE_EXPANSION:g} /K)": (free + lift, 1.0),
-        "all that is known": (softer + lift, magnet * (1.0 if math.isnan(gain) else gain)),
+    wider, nulls = _on_a_wider_base(loads, kelvin), _null_shifts(coder, loads, options)
+    of_nulls = "no data sheet states their drift" if nulls is None else f"{options.null_drift:g} uT/K, to either side"
+    known_gain, known_nulls = 1.0 if math.isnan(gain) else gain, 0.0 if nulls is None else nulls[:, None]
+    still = loads.readings(free)
+    # readings, and what is added to them with either sign
+    causes: dict[str, tuple[Array, Array | float]] = {
+        f"remanence ({design.remanence_drift:g} %/K)": (magnet * still, 0.0),
+        told: (gain * still, 0.0),
+        f"nulls of the elements ({of_nulls})": (still, math.nan if nulls is None else known_nulls),
+        f"modulus ({100 * (stiff - 1) / kelvin:.2g} %/K)": (loads.readings(softer), 0.0),
+        f"expansion of the silicone ({SILICONE_EXPANSION:g} /K)": (loads.readings(free + lift), 0.0),
+        f"expansion of the base ({BASE_EXPANSION:g} /K)": (wider.readings(free), 0.0),
+        "all that is known": (magnet * known_gain * wider.readings(softer + lift), known_nulls),
     }
-    rest, rows = loads.readings(free[:, :1]), []
-    for name, (shift, factor) in causes.items():
-        readings = factor * loads.readings(shift)
+    rest, rows = still[:1], []
+    for name, (signed, either) in causes.items():
+        readings = signed + either
         found = _errors(coder, "error", readings, loads, full)
-        found |= _errors(coder, "tared", readings - readings[:1] + rest, loads, full)
+        found |= _errors(coder, "tared", readings - readings[..., :1, :] + rest, loads, full)
         per_kelvin = {f"{key}_per_K": found[key] / abs(kelvin) for key in ("error_N", "tared_N")}
+        press = math.nan if signed is still else _of_press(coder, signed, loads)
+        per_kelvin["press_N_per_K"] = press / kelvin
         rows.append({"cause": name} | per_kelvin | found)
     return rows
+
+
+def _on_a_wider_base(loads: Loads, kelvin: float) -> Loads:
+    """Return loads whose readings are those of elements on a warmer base."""
+    grown = 1 + BASE_EXPANSION * kelvin
+    elements = [
+        replace(e, position=(e.position[0] * grown, e.position[1] * grown, e.position[2] * grown))
+        for e in loads.sensor.elements
+    ]
+    return replace(loads, sensor=model(loads.sensor.design, loads.sensor.tau, elements=elements))
+
+
+def _null_shifts(coder: Decoder, loads: Loads, options: Disturbing) -> Array | None:
+    """Return drifts of the nulls (m, k), T, of the signs that move a force along x, y or z most, to first order."""
+    if options.null_drift is None:
+        return None
+    law, shift = coder.mechanics, np.ascontiguousarray(loads.poses.shift.T)
+    assert law is not None
+    told = told_slopes(coder, readings_with_slopes(coder.forward, shift)[1])
+    moves = np.linalg.pinv(told.transpose(2, 1, 0))
+    by_reading = np.einsum("jin,njk->nik", response_surface.forces(law, shift)[1], moves)
+    signs = np.unique(np.sign(by_reading).reshape(-1, by_reading.shape[2]), axis=0)
+    return 1e-6 * options.null_drift * options.warming * signs
+
+
+def _of_press(coder: Decoder, readings: Array, loads: Loads) -> float:
+    """Return the signed error of the normal force of the largest upright press, N, from readings (n, k), T."""
+    upright = np.where(loads.force[:, :2].any(axis=1), -1.0, loads.force[:, 2])
+    row = int(upright.argmax())
+    return float(decode(coder, readings[row : row + 1]).force[0, 2] - loads.force[row, 2])
 
 
 # What surrounds the sensor
@@ -331,13 +372,22 @@ def disturbances(design: Design, options: Disturbing) -> list[Disturbance]:
     quantity("--warming", options.warming, "K", -200.0, 200.0)
     if not options.warming:
         raise BadInput("--warming must not be 0: give the change of the temperature in K")
+    quantity("--gradient", options.gradient, "uT/mm", 0.0, 1e6)
     fields = [surroundings.uniform(1e-6 * ambient * v) for v in DIRECTIONS]
+    middle = plates_of(of_design(design))[0].mean(axis=0)
+    # as on the axis of a dipole: half as large, and reversed, across it
+    forms = [1e-6 * options.gradient * (3 * np.outer(v, v) - np.eye(3)) / 2 for v in DIRECTIONS]
+    # one of each two that are each other's reverse, whose errors are alike
+    gradients = [surroundings.gradient(form, middle) for form in forms[: len(forms) // 2]]
     usual = [f"below={max(design.l0 - design.H, 0.0) + D / 2:.3g}", f"beside={2 * D:.3g}", "front=0"]
     balls = [f"{D / 2:.3g},{2 * D:.3g},0,{design.H:.3g}"]
+    rods = [f"{D / 2:.3g},{6 * D:.3g},{2 * D:.3g},0,{design.H:.3g},0,1,0"]
     return [
         Disturbance("uniform field", f"{ambient:g} uT, any direction", lambda _: fields, "any"),
+        Disturbance("field gradient", f"{options.gradient:g} uT/mm, any direction", lambda _: gradients, "any"),
         *(_iron(design, text, mu) for text in (usual if options.iron is None else options.iron)),
         *(_ball(design, text, mu) for text in (balls if options.ball is None else options.ball)),
+        *(_rod(design, text, mu) for text in (rods if options.rod is None else options.rod)),
         *(_beside(design, text) for text in ([f"{2 * D:.3g},0"] if options.neighbour is None else options.neighbour)),
         *(_jaw(design, gap) for gap in ([D] if options.jaw is None else options.jaw)),
         *(_motor(design, text) for text in options.motor or ()),
@@ -373,6 +423,24 @@ def _ball(design: Design, text: str, mu: float) -> Disturbance:
         raise BadInput(f"--ball {text} overlaps the beam: move it out, such as to x = {design.R + diameter:.3g} mm")
     piece = IronPiece(design, np.array([x, y, z]), diameter, diameter, np.array([0.0, 0.0, 1.0]), mu)
     return Disturbance("iron ball", f"{diameter:g} mm, at {x:g}, {y:g}, {z:g} mm", lambda _: [piece])
+
+
+def _rod(design: Design, text: str, mu: float) -> Disturbance:
+    values = _numbers("--rod", text, "DIAMETER,LENGTH,X,Y,Z,AX,AY,AZ in mm", 8)
+    diameter, length = values[:2]
+    place, axis = np.array(values[2:5]), np.array(values[5:])
+    quantity("--rod: the diameter", diameter, "mm", 1e-3, 1e3)
+    quantity("--rod: the length", length, "mm", diameter, 1e4)
+    size = float(np.linalg.norm(axis))
+    if not size > 0:
+        raise BadInput(f"--rod {text}: the direction of the axis is 0; give one such as 0,1,0")
+    along = place + np.linspace(-1, 1, 101)[:, None] * (length - diameter) / 2 * axis / size
+    if not all(_outside(design, x, y, z, diameter / 2) for x, y, z in along.tolist()):
+        raise BadInput(f"--rod {text} overlaps the beam: move it out, or turn it")
+    piece = IronPiece(design, place, diameter, length, axis, mu)
+    where, along_words = (", ".join(f"{value:g}" for value in each) for each in (place, axis))
+    words = f"{diameter:g} x {length:g} mm along {along_words}, at {where} mm"
+    return Disturbance("iron rod", words, lambda _: [piece])
 
 
 def _outside(design: Design, x: float, y: float, z: float, room: float) -> bool:
