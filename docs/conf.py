@@ -12,10 +12,9 @@ from pathlib import Path
 from sphinx import addnodes
 
 ROOT = Path(__file__).resolve().parent.parent
-sys.path[:0] = [str(ROOT), str(ROOT / "docs")]
+sys.path[:0] = [str(ROOT)]
 
-import documented_commands  # noqa: E402
-import reference_pages  # noqa: E402
+from docs import documented_commands, notebooks, reference_pages  # noqa: E402
 
 project, author = "magtip", "magtip contributors"
 version = release = reference_pages.version()
@@ -65,10 +64,13 @@ def folders_as_text(app, doctree):
             link.replace_self(link.children)
 
 
-def drawn_pictures(app, docname, source):
-    """Show the pictures that the blocks of a tutorial have drawn."""
+def in_tutorials(app, docname, source):
+    """Show the pictures that the blocks of a tutorial have drawn, and let it be downloaded as a notebook."""
     path = Path(app.env.doc2path(docname))
     if path in documented_commands.TUTORIALS:
+        notebooks.write(path, reference_pages.FOLDER)
+        link = f"[Download this page as a notebook](../reference/{path.stem}.ipynb)."
+        source[0] = source[0].replace("\n\n", f"\n\n{link}\n\n", 1)
         for name in documented_commands.pictures(path):
             source[0] = source[0].replace(f"]({name})", f"](../../out/tutorials/{path.stem}/{name})")
 
@@ -77,5 +79,5 @@ def setup(app):
     logging.getLogger("skfem").setLevel(logging.WARNING)
     app.connect("builder-inited", lambda app: reference_pages.write())
     app.connect("autodoc-process-docstring", in_sections, priority=100)
-    app.connect("source-read", drawn_pictures)
+    app.connect("source-read", in_tutorials)
     app.connect("doctree-read", folders_as_text)

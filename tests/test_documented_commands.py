@@ -8,7 +8,7 @@ import tomllib
 
 import pytest
 
-from docs import documented_commands
+from docs import documented_commands, notebooks
 from docs.documented_commands import ROOT, TUTORIALS, blocks, same
 from studies.cli import commands
 from studies.inputs import study_input, user_input
@@ -82,6 +82,21 @@ def test_tutorial_prints_what_it_shows(path, tmp_path, monkeypatch):
     monkeypatch.setenv("COLUMNS", "100")
     monkeypatch.setenv("PYTHONPATH", str(ROOT))
     documented_commands.run(path, tmp_path, long=False)
+
+
+@pytest.mark.parametrize("path", TUTORIALS, ids=name)
+def test_notebook_has_the_blocks_of_its_tutorial(path):
+    """In their order, with all that is shown, and without links to pages that stand beside no notebook."""
+    cells = notebooks.notebook(path)["cells"]
+    code = [cell["source"] for cell in cells if cell["cell_type"] == "code"]
+    text = "\n".join(cell["source"] for cell in cells if cell["cell_type"] == "markdown")
+    assert len(code) == 1 + len(blocks(path))
+    for source, block in zip(code[1:], blocks(path), strict=True):
+        shown = [command for command, _ in block.commands] if block.kind == "console" else [block.text.rstrip()]
+        assert re.sub(r"^!|^%%writefile .*\n", "", source, flags=re.M) == "\n".join(shown)
+    pictures = {f"attachment:{name}" for cell in cells for name in cell.get("attachments", ())}
+    assert set(re.findall(r"\]\((?!http)([^)]+)\)", text)) == pictures | set(documented_commands.pictures(path))
+    assert "```" not in text
 
 
 @of_kind("python")
