@@ -14,7 +14,7 @@ from analytic.decode import decoder
 from analytic.inverse.forward_model import model, readings_with_slopes
 from analytic.magnet import repulsion
 from geometry.design import BadInput, paper
-from studies.inputs.option_groups import Arraying
+from studies.inputs.option_groups import Arraying, SourceOfLoad
 from studies.sensing import crosstalk
 from studies.sensing.crosstalk import Grid
 from studies.simulation.mechanics_sources import source_of
@@ -197,7 +197,7 @@ def test_an_element_inside_a_neighbour_is_named():
 @pytest.fixture(scope="module")
 def found():
     """The study of two beams, 12 mm apart."""
-    mechanics = partial(source_of, DESIGN, "finite", None)
+    mechanics = partial(source_of, DESIGN, SourceOfLoad(level="finite"))
     return crosstalk.run(DESIGN, mechanics, Grid(1, 2, 12.0), Arraying(), None, lambda share, text: None)
 
 

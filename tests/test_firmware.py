@@ -18,7 +18,7 @@ from geometry.design import Design, paper
 from studies.cli import main
 from studies.firmware import decoder_export
 from studies.firmware.decoder_export import STATUSES
-from studies.inputs.option_groups import Exporting
+from studies.inputs.option_groups import Exporting, SourceOfLoad
 from studies.output.goals import missed
 from studies.parts.requirements import Requirements
 from studies.sensing import decode_readings
@@ -47,7 +47,7 @@ def needs(*programs):
 
 @pytest.fixture(scope="module")
 def firmware():
-    return decoder_export.prepare(paper(), Exporting(flash="16k", level="finite"))
+    return decoder_export.prepare(paper(), Exporting(flash="16k", source=SourceOfLoad(level="finite")))
 
 
 @pytest.fixture(scope="module")
@@ -153,7 +153,9 @@ def test_goals_see_half_widths_and_allow_one_row_of_a_few():
 
 @needs("gcc")
 def test_folds_are_ambiguous_as_in_python(tmp_path):
-    firmware = decoder_export.prepare(Design(**firmware_check.PLAN["case"][-1]["fields"]), Exporting(level="paper"))
+    firmware = decoder_export.prepare(
+        Design(**firmware_check.PLAN["case"][-1]["fields"]), Exporting(source=SourceOfLoad(level="paper"))
+    )
     firmware_check.write_header(firmware, tmp_path)
     program = firmware_check.compiled(tmp_path, "gcc", [*firmware_check.STRICT, "-O0"])
     outputs, truth = firmware_check.random_outputs(firmware.coder, 1500, np.random.default_rng(3))

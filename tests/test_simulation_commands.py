@@ -111,8 +111,8 @@ def test_a_search_that_stops_or_a_tip_that_gives_way_is_not_ok(tmp_path, monkeyp
         monkeypatch.setattr(stability, "critical", lambda *_, **__: found)
         shear = small_shear.SmallShear(stiffness, 0.5, 0.1, 1.0, 1.0, stability=STABLE)
         monkeypatch.setattr(small_shear, "small_shear", lambda *_, **__: shear)
-        quick = Elements(accuracy="quick")
-        (record,) = critical_depths.at_design(paper(), quick, depth, file, lambda *_: None).records
+        quick = Elements(accuracy="quick", store=file)
+        (record,) = critical_depths.at_design(paper(), quick, depth, lambda *_: None).records
         return record["status"], record["message"]
 
     assert status("")[0] == "ok"

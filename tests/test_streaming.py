@@ -32,6 +32,7 @@ from analytic.parts import of_design
 from analytic.stream import Stream
 from geometry.design import BadInput, Design, paper
 from studies.cli import commands
+from studies.inputs.option_groups import SourceOfLoad
 from studies.sensing import decode_readings
 from studies.simulation import mechanics_sources
 from studies.streaming import clocks, frames, live_stream
@@ -322,7 +323,9 @@ def test_a_pipe_without_times_has_forces_of_slow_loading_and_says_so(tmp_path):
     assert "10 of 10 rows untimed: the time is not known" in found.stderr.replace("\n", " ")
     rows = list(csv.DictReader((tmp_path / "rows.csv").open()))
     assert {row["time_s"] for row in rows} == {""}
-    slow = Stream(decode_readings.prepare(paper(), mechanics_sources.source_of(paper(), "finite", None)))
+    slow = Stream(
+        decode_readings.prepare(paper(), mechanics_sources.source_of(paper(), SourceOfLoad(level="finite")))
+    )
     field = field_of(of_design(paper()), [[float(rows[-1][f"S{k}_V"]) for k in (1, 2, 3)]])[0]
     assert float(rows[-1]["force_z_N"]) == pytest.approx(slow.step(tuple(field)).force[2])
 

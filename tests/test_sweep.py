@@ -21,7 +21,7 @@ from geometry.design import Design, paper
 from geometry.loads import Load
 from studies.answers import flat_rows
 from studies.inputs import study_input
-from studies.inputs.option_groups import Sweep
+from studies.inputs.option_groups import Sweep, Wanted
 from studies.inputs.study_input import Factor, grid
 from studies.mechanics import path_solver, solve_plan
 from studies.mechanics.solve_plan import Processes
@@ -408,8 +408,8 @@ def test_layouts_have_columns_of_their_own():
 # A sweep as options and a study file ask for it: what is taken from where, and what contradicts what.
 
 
-def asked(axis=None, sets=(), models=None, **more):
-    return Sweep(axis=axis, **more), sets, models
+def asked(axis=None, sets=(), models=None, accuracy=None, tolerance=None, **more):
+    return Sweep(axis=axis, wanted=Wanted(accuracy=accuracy, tolerance=tolerance), **more), sets, models
 
 
 def asked_plan(source, options):

@@ -586,8 +586,8 @@ def decode(design: Design, decoding: Decoding, out: Path | None, *, as_json: boo
     path = decoding.calibration
     assert path is not None
     for option, given in (
-        ("--level", decoding.level),
-        ("--responses", decoding.responses),
+        ("--level", decoding.source.level),
+        ("--responses", decoding.source.responses),
         ("--tolerance", decoding.tolerances),
         ("--units", decoding.units),
         ("--ignore-tilt", decoding.ignore_tilt),

@@ -30,7 +30,7 @@ from studies.calibration import (
 from studies.calibration.bench_file import FORCES, MOTIONS, Bench
 from studies.calibration.regression_study import ASSUMED_NOISE, MODEL, Recorded
 from studies.calibration.sensor_fit import Fit, Sensor
-from studies.inputs.option_groups import Calibrating
+from studies.inputs.option_groups import Calibrating, SourceOfLoad
 from studies.inputs.units import IN_HEADS
 from studies.inputs.user_input import design_text, pairs, parse_numbers
 from studies.output import page_templates
@@ -107,7 +107,7 @@ def mechanics_of(
         The file cannot be read, or finite elements know too few states of the design.
     """
     if responses is not None:
-        found = mechanics_sources.source_of(design, None, responses)
+        found = mechanics_sources.source_of(design, SourceOfLoad(responses=responses))
         return found.law, f"finite elements ({responses.name})", SOLVED_ERROR
     try:
         found = mechanics_sources.of_finite_elements(design, solves)

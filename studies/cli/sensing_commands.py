@@ -12,7 +12,7 @@ from cyclopts import Parameter
 from geometry.design import BadInput
 from studies.cli.parameters import Call, verb
 from studies.inputs import option_groups
-from studies.inputs.option_groups import Basis, Calibration, LayoutParts, Pose, TiltSource
+from studies.inputs.option_groups import Basis, Calibration, LayoutParts, Pose, SourceOfLoad, TiltSource
 from studies.inputs.user_input import say_no_effect
 from studies.output import atomic_files, console
 from studies.output.result import GOOD, Destination, Result, of_record, publish, show
@@ -199,7 +199,7 @@ def decode(
         raise BadInput(f"{'--zero' if call.out is None else '--out'} works with --file only: leave it out")
     if decoding.temperature is not None and decoding.calibration is None:
         raise BadInput("--temperature works with --calibration only: leave it out")
-    atomic_files.check_apart([call.out, mcap], [call.source, file, decoding.responses, decoding.calibration])
+    atomic_files.check_apart([call.out, mcap], [call.source, file, decoding.source.responses, decoding.calibration])
     design = call.design()
     if mcap is not None:
         from studies.streaming import live_stream
@@ -212,7 +212,7 @@ def decode(
         with atomic_files.sole_writer(call.out):
             return show(calibration_file.decode(design, decoding, call.out, as_json=call.as_json), here)
     made = parse_tolerances(decoding.tolerances or [], design, call.source)
-    source = mechanics_sources.source_of(design, decoding.level, decoding.responses)
+    source = mechanics_sources.source_of(design, decoding.source)
     coder = decode_readings.prepare(
         design, source, ignore_tilt=decoding.ignore_tilt, reject_ambient=decoding.reject_ambient
     )
@@ -259,7 +259,7 @@ def stream(
     from studies.streaming import live_stream
 
     atomic_files.check_apart(
-        [call.out, mcap], [call.source, streaming.port, streaming.responses, streaming.calibration]
+        [call.out, mcap], [call.source, streaming.port, streaming.source.responses, streaming.calibration]
     )
     design = call.design()
     if frame_id != "magtip_tip" and mcap is None:
@@ -310,8 +310,8 @@ def firmware(
     from studies.streaming import ros2_package
 
     calibration = exporting.calibration
-    here = call.here((*decoder_export.FILES, *ros2_package.FILES), [exporting.responses, calibration])
-    if calibration is not None and (exporting.level or exporting.responses or exporting.tolerances):
+    here = call.here((*decoder_export.FILES, *ros2_package.FILES), [exporting.source.responses, calibration])
+    if calibration is not None and (exporting.source != SourceOfLoad() or exporting.tolerances):
         raise BadInput("--calibration gives mechanics and sensor: leave --level, --responses and --tolerance out")
     decoder_export.bytes_of(exporting.flash)
     design = call.design()
@@ -356,7 +356,8 @@ def table(
 
     design = call.design()
     target = lookup_table.target(out, [call.source, responses])
-    source = mechanics_sources.source_of(design, level, responses) if level or responses else None
+    asked = SourceOfLoad(level=level, responses=responses)
+    source = None if asked == SourceOfLoad() else mechanics_sources.source_of(design, asked)
     model, grid = lookup_table.plan(design, step, None if source is None else source.law)
     with atomic_files.sole_writer(target), console.progress(as_json=call.as_json) as progress:
         name = decode_readings.NO_LEVEL if source is None else source.name
@@ -380,13 +381,13 @@ def layout(call: Call, *, basis: Basis = Basis(), parts: LayoutParts = LayoutPar
     from studies.sensing import layout_report
     from studies.simulation import mechanics_sources
 
-    here = call.here(layout_report.FILES, [basis.responses])
+    here = call.here(layout_report.FILES, [basis.source.responses])
     design = call.design()
     if parts.ranges and not parts.search:
         raise BadInput("--range sets the range of a search: add --search")
     if parts.count is not None and not parts.search:
         say_no_effect("--count", "it works with --search only")
-    mechanics = partial(mechanics_sources.source_of, design, basis.level, basis.responses)
+    mechanics = partial(mechanics_sources.source_of, design, basis.source)
     return publish(partial(layout_report.run, design, mechanics, basis, parts), here)
 
 
@@ -402,9 +403,9 @@ def disturb(call: Call, *, options: option_groups.Disturbing = option_groups.Dis
     from studies.sensing import disturbances
     from studies.simulation import mechanics_sources
 
-    here = call.here(disturbances.FILES, [options.responses])
+    here = call.here(disturbances.FILES, [options.source.responses])
     design = call.design()
-    mechanics = partial(mechanics_sources.source_of, design, options.level, options.responses)
+    mechanics = partial(mechanics_sources.source_of, design, options.source)
     return publish(partial(disturbances.run, design, mechanics, options, stated_requirements(call.source)), here)
 
 
@@ -420,7 +421,7 @@ def array(call: Call, *, options: option_groups.Arraying = option_groups.Arrayin
     from studies.sensing import crosstalk
     from studies.simulation import mechanics_sources
 
-    here = call.here(crosstalk.FILES, [options.responses])
+    here = call.here(crosstalk.FILES, [options.source.responses])
     design, grid = call.design(), crosstalk.grid_of(call.source, options)
-    mechanics = partial(mechanics_sources.source_of, design, options.level, options.responses)
+    mechanics = partial(mechanics_sources.source_of, design, options.source)
     return publish(partial(crosstalk.run, design, mechanics, grid, options, stated_requirements(call.source)), here)

@@ -12,7 +12,8 @@ from cyclopts import Parameter
 from geometry.design import BadInput, Design
 from studies.cli.parameters import Call, say_if_without_magnet, verb
 from studies.inputs import option_groups, user_input
-from studies.inputs.option_groups import Body, Depth, Elements, Shear, ShearY, StoreFile, Wanted, Whole
+from studies.inputs.option_groups import Body, Depth, Elements, Shear, ShearY, Wanted, Whole
+from studies.inputs.study_input import load_of
 from studies.inputs.user_input import say_no_effect
 from studies.output import atomic_files, console
 from studies.output.result import Result, failure_of, publish, show
@@ -25,7 +26,6 @@ def solve(
     motion: option_groups.Motion = option_groups.Motion(),
     method: option_groups.Method = option_groups.Method(),
     picture: Path | None = None,
-    store: StoreFile | None = None,
 ) -> int:
     """Compute force, shift and tilt of the magnet by finite elements; print each state as soon as it is reached.
 
@@ -43,14 +43,14 @@ def solve(
     from studies.simulation import load_cases, within_tolerance
 
     design = call.design(method.magnet)
-    atomic_files.check_apart([call.out, picture, store], [call.source, method.mesh])
+    atomic_files.check_apart([call.out, picture, method.store], [call.source, method.mesh])
     targets = load_cases.targets_of(motion)
     loads = load_cases.approximate_loads(targets) if targets else load_cases.loads_of(motion)
-    for option, reason in load_cases.ineffective_options(motion, method, store):
+    for option, reason in load_cases.ineffective_options(motion, method):
         say_no_effect(option, reason)
     with console.progress(as_json=call.as_json) as progress:
         title, rows = within_tolerance.run(
-            design, loads, method, targets, out=call.out, picture=picture, store=store, progress=progress
+            design, loads, method, targets, out=call.out, picture=picture, progress=progress
         )
         rows = rows if call.as_json else load_cases.in_words(rows)
         with contextlib.closing(rows):
@@ -123,7 +123,8 @@ def analytic(
     design = call.design()
     if level == "paper" and design.law != "neo-hookean":
         say_no_effect("law", "level paper uses E only")
-    return publish(lambda _: load_cases.analytic(design, depth, (shear, shear_y), level), call.here())
+    load = load_of({"depth": depth, "shear": shear, "shear_y": shear_y})
+    return publish(lambda _: load_cases.analytic(design, load, level), call.here())
 
 
 @verb("source sets wide as_json", out="Folder for table, plot and STABILITY.md of --slenderness.")
@@ -133,7 +134,6 @@ def stability(
     depth: Depth | None = None,
     elements: Elements = Elements(),
     slenderness: str | None = None,
-    store: StoreFile | None = None,
 ) -> int:
     """Compute the depth at which a press buckles sideways; with --depth also the response to a small shear.
 
@@ -145,7 +145,7 @@ def stability(
     from studies.simulation import critical_depths
 
     design = call.design(elements.magnet)
-    atomic_files.check_apart([store], [call.source])
+    atomic_files.check_apart([elements.store], [call.source])
     if slenderness is not None:
         if depth is not None:
             raise BadInput("--depth and --slenderness exclude each other: give only one")
@@ -153,10 +153,10 @@ def stability(
             say_no_effect("L", "the lengths come from --slenderness")
         ratios = _slenderness_of(slenderness, design)
         here = call.here(critical_depths.FILES)
-        return publish(partial(critical_depths.over_slenderness, design, elements, ratios, store), here)
+        return publish(partial(critical_depths.over_slenderness, design, elements, ratios), here)
     if call.out is not None:
         raise BadInput("--out works with --slenderness only: add --slenderness 1,2,3")
-    return publish(partial(critical_depths.at_design, design, elements, depth, store), call.here())
+    return publish(partial(critical_depths.at_design, design, elements, depth), call.here())
 
 
 def _slenderness_of(text: str, design: Design) -> list[float]:
@@ -181,7 +181,6 @@ def modes(
     count: Whole = 8,
     depth: Depth = 0.0,
     elements: Elements = Elements(),
-    store: StoreFile | None = None,
 ) -> int:
     """Compute natural frequencies and mode shapes of the sensor, free or pressed against a plate to which it sticks.
 
@@ -193,8 +192,8 @@ def modes(
     from studies.simulation import vibration_report
 
     design = call.design(elements.magnet)
-    atomic_files.check_apart([store], [call.source])
-    study = partial(vibration_report.natural_frequencies, design, count, depth, elements, store)
+    atomic_files.check_apart([elements.store], [call.source])
+    study = partial(vibration_report.natural_frequencies, design, count, depth, elements)
     return publish(study, call.here())
 
 
@@ -236,7 +235,7 @@ def response(call: Call, *, vibration: option_groups.Vibration = option_groups.V
     from studies.simulation import vibration_report
 
     here = call.here(vibration_report.FILES)
-    atomic_files.check_apart([vibration.store], [call.source])
+    atomic_files.check_apart([vibration.elements.store], [call.source])
     design = call.design(vibration.elements.magnet)
     study = vibration_report.study(design, vibration)
     say_if_without_magnet(design)

@@ -176,7 +176,7 @@ def prepare(
         coder, unsure, warming = calibrated(design, options.calibration, reject_ambient=options.reject_ambient)
         source, sizes, rest = "a calibration of this sensor", None, (np.zeros((len(coder.sigma),) * 2), 0.0)
     else:
-        chosen = mechanics_sources.source_of(design, options.level, options.responses)
+        chosen = mechanics_sources.source_of(design, options.source)
         coder, unsure, warming = decoder(design, chosen.law, reject_ambient=options.reject_ambient), None, {}
         source = mechanics_sources.in_words(chosen)
         sizes = tolerances() if made is None else made

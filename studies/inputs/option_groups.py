@@ -71,7 +71,8 @@ else:
         ),
     )
 Body = Annotated[Magnet, Parameter(help="Rigid body, or ignored (the whole beam is silicone).")]
-Level = Annotated[AccuracyName, Parameter(help="Accuracy of mesh and harmonics.")]
+ACCURACY = "Accuracy of mesh and harmonics"
+Level = Annotated[AccuracyName, Parameter(help=f"{ACCURACY}.")]
 Tolerance = Annotated[
     str,
     Parameter(
@@ -134,6 +135,10 @@ Mode = Annotated[
     Parameter(help="Reading of an element: component B.n, or magnitude |B| as in the paper."),
 ]
 Tolerances = Annotated[list[str], Parameter(name="--tolerance")]
+ForceNoise = Annotated[
+    float,
+    Parameter(help="Standard deviation of a measured force, N; default: half a percent of the largest one."),
+]
 Temperature = Annotated[
     float,
     Parameter(
@@ -195,10 +200,11 @@ class Pose:
 
 @_options
 class Elements:
-    """Finite elements: what the magnet is, and how accurate they are."""
+    """Finite elements: what the magnet is, how accurate they are, and where their answers are kept."""
 
     magnet: Body = "rigid"
     accuracy: Level = "standard"
+    store: StoreFile | None = None
 
     @property
     def level(self) -> Accuracy:
@@ -212,8 +218,7 @@ class Elements:
 class Wanted:
     """The accuracy that is wanted, or the tolerance that chooses one."""
 
-    accuracy: AccuracyName | None = None
-    """Accuracy of mesh and harmonics; default: standard."""
+    accuracy: Annotated[AccuracyName | None, Parameter(help=f"{ACCURACY}; default: standard.")] = None
     tolerance: Tolerance | None = None
 
     @property
@@ -235,14 +240,22 @@ class Method:
     """File with a tetrahedral mesh of this design, whole or the half at y >= 0, in a format of meshio (.vtu, .msh,
     .inp, ...), with regions named silicone and magnet; errors are then not estimated."""
     wanted: Wanted = Wanted()
+    store: StoreFile | None = None
+
+
+@_options
+class SourceOfLoad:
+    """From what tilt and load follow."""
+
+    level: LoadSource | None = None
+    responses: Responses | None = None
 
 
 @_options
 class Basis:
     """Poses and readings on which a layout of Hall elements is evaluated."""
 
-    level: LoadSource | None = None
-    responses: Responses | None = None
+    source: SourceOfLoad = SourceOfLoad()
     ignore_tilt: Untilted = False
     mode: Mode = "component"
     clearance: float = 0.0
@@ -283,7 +296,6 @@ class Vibration:
     count: Whole = 200
     """Number of frequencies in the table, spaced evenly on a logarithmic scale; resonances are added to them."""
     elements: Elements = Elements()
-    store: StoreFile | None = None
     extrapolate: bool = False
     """Allow frequencies for which the silicone's branches do not speak, and mark the results."""
 
@@ -313,7 +325,6 @@ class Cycle:
     calibration: Calibration | None = None
     tolerance: float = 1e-3
     """Permitted error of the force from the time steps, over the largest force; at least 1e-7."""
-    store: StoreFile | None = None
     extrapolate: bool = False
     """Allow frequencies and holds for which the silicone's branches do not speak, and mark the results."""
 
@@ -345,8 +356,7 @@ class Decoding:
     rest. One time TO means from the first row on."""
     units: Literal["T", "V"] | None = None
     """Unit of the readings: V (output) or T (flux density B.n); default: the unit of the elements' output."""
-    level: LoadSource | None = None
-    responses: Responses | None = None
+    source: SourceOfLoad = SourceOfLoad()
     ignore_tilt: Untilted = False
     tolerances: Tolerances | None = None
     """NAME=VALUE: largest deviation of a built sensor, as in `sensitivity`, such as hall_gain=1 (percent). A force
@@ -387,8 +397,7 @@ class Disturbing:
     """Largest drift of an element's null to either side, uT/K; default: unknown, since no data sheet of the
     catalogue states it."""
     reject_ambient: Rejecting = False
-    level: LoadSource | None = None
-    responses: Responses | None = None
+    source: SourceOfLoad = SourceOfLoad()
 
 
 @_options
@@ -406,8 +415,7 @@ class Arraying:
     list of up and down, row by row, such as up,down,down,up."""
     error: float = 1.0
     """Error of the force, percent of the range, for which the smallest pitch is found."""
-    level: LoadSource | None = None
-    responses: Responses | None = None
+    source: SourceOfLoad = SourceOfLoad()
 
 
 @_options
@@ -420,8 +428,7 @@ class Calibrating:
     the head reverses its numbers, such as `chip_x=-Y0 [uT]`; repeatable."""
     force_sign: Literal[1, -1] = 1
     """Factor on all forces: -1 where the file counts compression as negative."""
-    force_noise: float | None = None
-    """Standard deviation of a measured force, N; default: half a percent of the largest one."""
+    force_noise: ForceNoise | None = None
     free: list[str] | None = None
     """Unknown whose prior is ten times as wide; repeatable."""
     fix: list[str] | None = None
@@ -445,8 +452,7 @@ class Planning:
     responses: States | None = None
     tolerances: Tolerances | None = None
     """NAME=VALUE: largest deviation of a built sensor, as in `sensitivity`; repeatable."""
-    force_noise: float | None = None
-    """Standard deviation of a measured force, N; default: half a percent of the largest one."""
+    force_noise: ForceNoise | None = None
     simulate: bool = False
     """Draw a made sensor within its tolerances, press it by finite elements, and write bench.csv, what the stand
     measures, and recording.csv, a slow press and shear over time with the true forces."""
@@ -495,8 +501,7 @@ class Streaming:
     rest: Annotated[float, Parameter(name="--zero")] = 0.0
     """Time at the start, s, in which nothing touches the sensor: its readings are taken for those at rest. On a
     terminal, z and Enter take those of the last half second."""
-    level: LoadSource | None = None
-    responses: Responses | None = None
+    source: SourceOfLoad = SourceOfLoad()
     calibration: Calibration | None = None
     temperature: Temperature | None = None
     reject_ambient: Rejecting = False
@@ -509,9 +514,7 @@ class Exporting:
     flash: str = "64k"
     """Largest size of decoder and tables on a Cortex-M4F, bytes or 64k; a smaller one makes the tables coarser, and
     the result and the header say what this costs."""
-    level: LoadSource | None = None
-    responses: Path | None = None
-    """File of states printed by `magtip solve --json`, one per line, for tilt and load instead of formulas."""
+    source: SourceOfLoad = SourceOfLoad()
     tolerances: Tolerances | None = None
     """NAME=VALUE: largest deviation of a built sensor, as in `decode`, for the status uncalibrated; repeatable."""
     calibration: Calibration | None = None
@@ -570,10 +573,8 @@ class Sweep:
     """Depth of the press if depth is not an axis, mm."""
     magnet: Magnet | None = None
     """Rigid body, or ignored (the whole beam is silicone); default: rigid."""
-    accuracy: AccuracyName | None = None
-    """Accuracy of the finite elements; default: standard."""
+    wanted: Wanted = Wanted()
     quantities: Annotated[str | None, ASKED] = None
-    tolerance: Tolerance | None = None
 
 
 @_options
@@ -637,7 +638,7 @@ class Sizing:
     """Largest number of points of the front that are solved; of more points, those far apart are taken."""
     sensors: Whole = 1000
     """Number of made sensors from which the yield of the best variant follows."""
-    accuracy: AccuracyName = "standard"
+    accuracy: Level = "standard"
     store: StoreFile | None = None
     workers: Whole | None = None
     """Number of processes that solve; default: one for each core."""

@@ -62,17 +62,12 @@ NEAR = 0.1
 """Relative difference up to which the report calls a formula close to the finite elements."""
 
 
-def at_design(
-    design: Design, elements: Elements, depth: float | None, store: Path | None, progress: Progress
-) -> Result:
-    """Find the critical depths of a free and of a guided tip; at a depth, mm, also solve a small shear.
-
-    `store`: file that keeps what is solved; default: the user's.
-    """
+def at_design(design: Design, elements: Elements, depth: float | None, progress: Progress) -> Result:
+    """Find the critical depths of a free and of a guided tip; at a depth, mm, also solve a small shear."""
     # a depth out of range is refused here, before the searches, which take seconds
     if depth is not None:
         check_glued(design, depth, elements.magnet)
-    with stores.opened(store) as states:
+    with stores.opened(elements.store) as states:
         return _at_design(design, elements, depth, states, progress)
 
 
@@ -192,9 +187,7 @@ def _is_near(depth: float, critical: float | None, error: float | None) -> bool:
     return critical is not None and (error is None or abs(depth / critical - 1) <= error)
 
 
-def over_slenderness(
-    design: Design, elements: Elements, slenderness: Sequence[float], store: Path | None, progress: Progress
-) -> Result:
+def over_slenderness(design: Design, elements: Elements, slenderness: Sequence[float], progress: Progress) -> Result:
     """Find the critical depths of a free and of a guided tip at each L/D, one row each, beside the formulas.
 
     A row of a length that the design refuses has the status refused and no numbers. Ctrl-C leaves the rows that are
@@ -206,7 +199,7 @@ def over_slenderness(
     first = ("L_over_D", "status", "critical_depth_mm", "critical_force_N")
     table = Table(title="Stability over slenderness", rows=rows, first=first, places=("L_over_D",))
     try:
-        with stores.opened(store) as states:
+        with stores.opened(elements.store) as states:
             for i, ratio in enumerate(slenderness):
                 progress(i / len(slenderness), f"L/D = {ratio:g}")
                 rows.append(_row(design, elements, ratio, states))

@@ -78,7 +78,7 @@ def run(
     elements, gap = options.elements, options.gap
     cycles, static = None, Static()
     try:
-        with stores.opened(options.store) as store:
+        with stores.opened(elements.store) as store:
             progress(0.0, "the lowest natural frequency")
             lowest = lowest_frequency(design, elements.magnet, store)
             progress(0.0, "the curve of slow loading")

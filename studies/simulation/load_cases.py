@@ -71,10 +71,10 @@ def loads_of(motion: Motion) -> list[Load]:
     return [replace(full, depth=share * full.depth) for share in shares]
 
 
-def ineffective_options(motion: Motion, method: Method, store: Path | None = None) -> list[tuple[str, str]]:
+def ineffective_options(motion: Motion, method: Method) -> list[tuple[str, str]]:
     """Return each option that has no effect, with the reason."""
     options = []
-    if store is not None and method.mesh is not None:
+    if method.store is not None and method.mesh is not None:
         options.append(("--store", "states on a mesh of one's own are solved each time"))
     sideways = (motion.load.get("shear"), motion.load.get("shear_y"), motion.shear_force, motion.shear_force_y)
     if motion.load.get("friction") == "stick" and not any(sideways):
@@ -192,7 +192,6 @@ def solve(
     out: Path | None,
     picture: Path | None,
     progress: Progress,
-    store: Path | None = None,
     targets: Sequence[ForceTarget] = (),
 ) -> Generator[FlatRow]:
     """Solve the loads one after the other, and yield the row of each state as soon as it is reached.
@@ -211,11 +210,11 @@ def solve(
     method, mesh = _read_mesh(design, method)
     level = _level(loads, method)
     if targets:
-        states = _held(design, targets, method, level, mesh, store, progress)
+        states = _held(design, targets, method, level, mesh, progress)
         loads = [target.load for target in targets]
     else:
         scene = Scene(design, tuple(loads), level, method.magnet, method.model, mesh)
-        states = _walked(scene, store, progress)
+        states = _walked(scene, method.store, progress)
     return _rows(design, loads, method, states, *files, targets=targets)
 
 
@@ -225,7 +224,6 @@ def _held(
     method: Method,
     level: Accuracy,
     mesh: Any,
-    store: Path | None,
     progress: Progress,
 ) -> Iterator[Solution]:
     if mesh is not None:
@@ -235,7 +233,7 @@ def _held(
             design, targets, level, magnet=method.magnet, model=method.model, progress=progress, mesh=mesh
         )
         return
-    with stores.opened(store) as states:
+    with stores.opened(method.store) as states:
         yield from stored_answers.held(design, targets, level, method.magnet, method.model, states, progress)
 
 
@@ -344,13 +342,11 @@ def _body(design: Design, wanted: Load | ForceTarget, method: Method) -> Solutio
         return error.state
 
 
-def loads_at_quick(
-    design: Design, targets: Sequence[ForceTarget], method: Method, store: Path | None, progress: Progress
-) -> list[Load]:
+def loads_at_quick(design: Design, targets: Sequence[ForceTarget], method: Method, progress: Progress) -> list[Load]:
     """Return the loads of the targets as accuracy quick finds them, by which a model is chosen for a tolerance."""
     from fem.accuracy import QUICK
 
-    with stores.opened(store) as states:
+    with stores.opened(method.store) as states:
         found = stored_answers.held(design, targets, QUICK, method.magnet, "auto", states, progress)
         return [state.load for state in found]
 
@@ -401,12 +397,10 @@ def held_force(record: FlatRow) -> str:
     )
 
 
-def analytic(design: Design, depth: float, shear: tuple[float, float], level: str) -> Result:
-    """Return the response by the formulas of a level, with the readings of the Hall elements; the tip sticks."""
+def analytic(design: Design, load: Load, level: str) -> Result:
+    """Return the response by the formulas of a level, with the readings of the Hall elements."""
     from analytic import beam, hall
 
-    friction: Literal["none", "stick"] = "stick" if any(shear) else "none"
-    load = Load(depth=depth, shear_x=shear[0], shear_y=shear[1], friction=friction)
     response = beam.solve(design, load, level)
     readings = hall.readings(design, response) if design.shape.has_magnet else None
     warnings = field_readings.warnings(design, readings, response.shift, response.rotation) if readings else []

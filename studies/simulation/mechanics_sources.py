@@ -17,7 +17,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -32,6 +31,7 @@ from geometry.loads import Load
 from studies.beam import surrogate_range, surrogate_response
 from studies.beam.beam_model import Motions, mechanics, motions
 from studies.cases import FiniteElements
+from studies.inputs.option_groups import SourceOfLoad
 from studies.sensing.decode_readings import RESPONSES, Source, of_file, of_level
 from studies.simulation.solved_beams import SolvedBeams
 
@@ -52,7 +52,7 @@ ENOUGH = 3
 """Least number of depths with solved presses and shears: of fewer, polynomials would be guesses."""
 
 
-def source_of(design: Design, level: str | None, responses: Path | None) -> Source:
+def source_of(design: Design, asked: SourceOfLoad = SourceOfLoad()) -> Source:
     """Return the mechanics of a design by a source: states in a file, one of `NAMES`, or by default the best one.
 
     Raises
@@ -64,6 +64,7 @@ def source_of(design: Design, level: str | None, responses: Path | None) -> Sour
         raise BadInput(
             "this design has no magnet (magnet_diameter is 0), so there is nothing to read: give it a magnet"
         )
+    level, responses = asked.level, asked.responses
     if responses is not None and level is not None:
         raise BadInput("--level and --responses exclude each other: give only one")
     if responses is not None:

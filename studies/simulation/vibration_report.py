@@ -71,7 +71,7 @@ def study(design: Design, options: Vibration) -> Callable[[Progress], Result]:
         # the free sensor touches no plate, whose friction and tilt would count
         load = replace(load, friction="none", plate_tilt=0.0)
     check_load(design, load, options.elements.magnet)
-    return partial(run, design, load, band, options.count, options.elements, options.store, warnings)
+    return partial(run, design, load, band, options.count, options.elements, warnings)
 
 
 def read_band(text: str) -> tuple[float, float]:
@@ -96,7 +96,6 @@ def run(
     band: tuple[float, float],
     count: int,
     elements: Elements,
-    store: Path | None,
     warnings: Sequence[str],
     progress: Progress,
 ) -> Result:
@@ -109,7 +108,7 @@ def run(
     warnings : those of the options, which the result repeats.
     """
     try:
-        with stores.opened(store) as states:
+        with stores.opened(elements.store) as states:
             motions, tables, pictures, at_rest = _solve(design, load, band, count, elements, states, progress)
             notes = _notes(design, load, at_rest, elements, states)
     except SolveFailed as error:
@@ -400,10 +399,8 @@ def rungs(motion: str, models: Models, finite_elements: Response, band: tuple[fl
 # Natural frequencies
 
 
-def natural_frequencies(
-    design: Design, count: int, depth: float, elements: Elements, store: Path | None, progress: Progress
-) -> Result:
-    """Compute the natural frequencies of the free sensor, or of one pressed to a depth, mm; `store` keeps them.
+def natural_frequencies(design: Design, count: int, depth: float, elements: Elements, progress: Progress) -> Result:
+    """Compute the natural frequencies of the free sensor, or of one pressed to a depth, mm.
 
     The record has lists with a value for each mode, in rising order, which are empty if the status is "failed": the
     press does not reach the depth, or has no natural frequencies there.
@@ -413,7 +410,7 @@ def natural_frequencies(
     scene = Scene(design, (Load(depth=depth),), elements.level, elements.magnet)
     progress(0.0, "modes of the pressed sensor" if depth else "modes of the free sensor")
     found: FlatRow = {"frequency_Hz": [], "frequency_error_estimate": [], "shape": []}
-    with stores.opened(store) as states:
+    with stores.opened(elements.store) as states:
         answer = asked(place(scene, "modes", options={"count": count}), states, ["estimates"])
     status, message = answer.status, answer.message
     if answer.values:

@@ -52,7 +52,6 @@ def run(
     *,
     out: Path | None,
     picture: Path | None,
-    store: Path | None,
     progress: Progress,
 ) -> tuple[str, Generator[FlatRow]]:
     """Return the title of a table of states, and their rows, which are solved one after the other.
@@ -65,14 +64,13 @@ def run(
         "picture": picture,
         "progress": progress,
         "targets": targets,
-        "store": store,
     }
     if method.wanted.tolerance is None:
         title, rows = TITLES["fem"], load_cases.solve(design, loads, method, **options)
     else:
         tolerance = check(method)
         if targets:
-            loads = load_cases.loads_at_quick(design, targets, method, store, progress)
+            loads = load_cases.loads_at_quick(design, targets, method, progress)
         # neither formulas nor the surrogate compute a deformed body, or find a force
         formulas = not (targets or out or picture)
         choice = model_choice.choose(design, loads, tolerance, method.magnet, formulas=formulas)

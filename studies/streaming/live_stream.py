@@ -33,7 +33,7 @@ from analytic.stream import Stream
 from analytic.time_series import RelaxingForce
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
-from studies.inputs.option_groups import Decoding, Streaming
+from studies.inputs.option_groups import Decoding, SourceOfLoad, Streaming
 from studies.inputs.units import IN_HEADS
 from studies.inputs.user_input import parse_numbers
 from studies.output import atomic_files, console, text_tables
@@ -70,7 +70,7 @@ class Nominal:
     thermal = False
 
     def __init__(self, design: Design, options: Streaming, jitter: float) -> None:
-        source = mechanics_sources.source_of(design, options.level, options.responses)
+        source = mechanics_sources.source_of(design, options.source)
         self.said = [*source.said, *[source.warning] * bool(source.warning)]
         coder = decode_readings.prepare(design, source, reject_ambient=options.reject_ambient)
         self.stream = _loaded(Stream(coder, jitter))
@@ -235,7 +235,7 @@ class Live:
             from studies.calibration import calibration_file
             from studies.calibration.sensor_fit import Fit
 
-            if options.level or options.responses:
+            if options.source != SourceOfLoad():
                 raise BadInput("--calibration gives the mechanics: leave --level and --responses out")
             fit = calibration_file.decoder_of(options.calibration, design, reject_ambient=options.reject_ambient)
             calibration_file.given_temperature(fit, options.temperature)
@@ -605,8 +605,7 @@ def record(design: Design, decoding: Decoding, path: Path) -> None:
     options = Streaming(
         port=str(decoding.file),
         speed=0.0,
-        level=decoding.level,
-        responses=decoding.responses,
+        source=decoding.source,
         calibration=decoding.calibration,
         temperature=decoding.temperature,
         reject_ambient=decoding.reject_ambient,

@@ -238,12 +238,12 @@ def _load(study: study_input.Study, options: Sweep) -> dict[str, Value]:
 
 def _models(options: Sweep, models: str | None, study: study_input.Study) -> tuple[Model, ...]:
     given = study.models if models is None else _parts(models)
-    accuracy = options.accuracy or study.accuracy
+    accuracy = options.wanted.accuracy or study.accuracy
     if given and accuracy:
         raise BadInput(
             f"models and accuracy both choose finite elements ({', '.join(given)}; {accuracy}): leave one of them out"
         )
-    tolerance = user_input.parse_tolerance(options.tolerance) if options.tolerance else study.tolerance
+    tolerance = user_input.parse_tolerance(options.wanted.tolerance) if options.wanted.tolerance else study.tolerance
     if tolerance is not None and accuracy:
         raise BadInput(f"a tolerance chooses the accuracy, which is given too ({accuracy}): leave one of them out")
     if tolerance is not None:

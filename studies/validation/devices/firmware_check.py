@@ -35,7 +35,7 @@ from studies.calibration import (
 )
 from studies.firmware import decoder_export
 from studies.firmware.decoder_export import STATUSES, Firmware
-from studies.inputs.option_groups import Exporting
+from studies.inputs.option_groups import Exporting, SourceOfLoad
 from studies.output.goals import Goal
 from studies.output.result import Result
 from studies.parts.part_tolerances import tolerances
@@ -231,7 +231,7 @@ def judge(case: Row, fewer: int) -> Row:
         folder = Path(place)
         found = calibration(folder) if level == "calibrated" else None
         own = None if level == "calibrated" else level
-        options = Exporting(flash=flash, level=own, calibration=found)
+        options = Exporting(flash=flash, source=SourceOfLoad(level=own), calibration=found)
         firmware = decoder_export.prepare(Design(**case["fields"]), options)
         coder, rng = firmware.coder, np.random.default_rng(1)
         outputs, shift = random_outputs(coder, rows_of("single", fewer), rng)

@@ -345,7 +345,7 @@ def response_figures(accuracy: Accuracy) -> Row:
     """
     design, load, band = paper(), Load(VALUES["vibration_depth"], friction="stick"), tuple(VALUES["vibration_band"])
     elements = Elements(accuracy=cast(AccuracyName, accuracy.name))
-    result = vibration_report.run(design, load, (band[0], band[1]), 2, elements, None, [], lambda *_: None)
+    result = vibration_report.run(design, load, (band[0], band[1]), 2, elements, [], lambda *_: None)
     z, x = (next(one for one in result.records if one["motion"] == axis) for axis in "zx")
     read = [(z, z["element"].index("S1")), (x, x["element"].index("S2"))]
     gains = [motion["relative_reading_at_600"][k] or math.nan for motion, k in read]
