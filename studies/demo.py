@@ -16,7 +16,7 @@ from studies.fabrication import sensor_parts
 from studies.output import atomic_files, page_templates, result, vtk_files
 from studies.output.provenance import made, versions
 from studies.output.records import FlatRow
-from studies.output.text_tables import shown
+from studies.quantities import shown
 from studies.simulation import compare, comparison_rows, design_summary
 from studies.simulation.compare import Loads, part
 
@@ -106,7 +106,7 @@ def document(design: Design, comparison: Mapping[str, Any], cad: FlatRow, mesh: 
         if design_summary.origin(spec.name, design) == "assumed":
             unit = "" if spec.metadata["unit"] == "1" else f" {spec.metadata['unit']}"
             remark = f"; no effect here: {unused[spec.name]}" if spec.name in unused else ""
-            value = shown(getattr(design, spec.name), 6, "none")
+            value = shown(getattr(design, spec.name), digits=6, nothing="none")
             assumed.append((spec.name, f"{value}{unit}", f"{spec.metadata['text']}{remark}"))
     findings = {name: comparison_rows.sentences(name, comparison["summary"]) for name in ("press", "shear", "trust")}
     page = {"design": design, "assumed": assumed, "cad": cad, "mesh": mesh, "origin": origin}

@@ -16,21 +16,29 @@ the layout (`reading_parts`); here is the one that figures show.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, TypeVar
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 if TYPE_CHECKING:
     from geometry.arrays import Array
 
 UNITS = {
-    "1": "", "percent": "%", "mm": "mm", "um": "µm", "mm3": "mm³", "deg": "°", "rad": "rad", "N": "N", "mN": "mN",
-    "MPa": "MPa", "mJ": "mJ", "N/mm": "N/mm", "kg/m3": "kg/m³", "mm/s": "mm/s", "Hz": "Hz", "s": "s", "K": "K",
+    "1": "", "percent": "%", "mm": "mm", "um": "µm", "mm2": "mm²", "mm3": "mm³", "deg": "°", "rad": "rad", "N": "N",
+    "mN": "mN",
+    "MPa": "MPa", "mJ": "mJ", "N/mm": "N/mm", "kg/m3": "kg/m³", "mm/s": "mm/s", "Hz": "Hz", "s": "s", "ms": "ms",
+    "us": "µs", "K": "K",
     "degC": "°C", "percent/K": "%/K",
     "T": "T", "mT": "mT", "V": "V", "V/T": "V/T", "V/sqrt(Hz)": "V/√Hz", "MB": "MB",
 }  # fmt: skip
 """Units by their names, as people read them; the only table of its kind. Those that files of users may state are in
 `studies.inputs`."""
+FACTORS = {
+    "percent": 100.0, "percent/K": 100.0, "um": 1e3, "deg": 180.0 / math.pi, "mN": 1e3, "mT": 1e3, "ms": 1e3,
+    "us": 1e6,
+}  # fmt: skip
+"""Factors to units in which people read what is kept as a fraction, in mm, rad, N, T or s."""
 Number = TypeVar("Number", float, "Array")
 Path = Literal["critical depth", "modes", "response", "cycle"]
 
@@ -51,6 +59,31 @@ def column_unit(unit: str) -> str:
     ('', 'mm', 'V_per_sqrtHz')
     """
     return "" if unit == "1" else unit.replace("/", "_per_").replace("sqrt(Hz)", "sqrtHz")
+
+
+def shown(value: Any, unit: str = "1", digits: int = 3, nothing: str = "-") -> str:
+    """Return a value as text: a number with so many significant digits and its unit, and a text for no value.
+
+    unit : in which it is read, one of `UNITS`; the value is a fraction, or in the unit in which magtip computes.
+
+    >>> shown(0.0123456, "percent"), shown(0.0012, "mN"), shown(1234.5, "Hz"), shown(math.pi / 6, "deg")
+    ('1.23 %', '1.2 mN', '1234 Hz', '30°')
+    >>> shown(0.123456789, digits=5), shown([2.0, -0.0, None]), shown(True), shown(math.nan, "N", nothing="unknown")
+    ('0.12346', '2, 0, -', 'yes', 'unknown')
+    """
+    symbol = UNITS[unit] if unit == "deg" else f" {UNITS[unit]}".rstrip()
+    if isinstance(value, (list, tuple)):
+        return ", ".join(shown(each, unit, digits, nothing).removesuffix(symbol) for each in value) + symbol
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if value is None or value == "" or value != value:
+        return nothing
+    value = value * FACTORS[unit] if unit in FACTORS else value
+    # no zero has a sign
+    text = f"{value + 0.0:.{digits}g}" if isinstance(value, float) else str(value)
+    if unit != "1" and "e+0" in text and abs(value) < 1e6:
+        text = f"{value:.0f}"
+    return text + symbol
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,6 +19,7 @@ from geometry.loads import Load, Magnet, Response, check_load
 from studies.beam import prediction
 from studies.beam.beam_model import ODD, Motions, motions
 from studies.beam.prediction import Beams
+from studies.quantities import shown
 
 REMEDY = ": take finite elements"
 
@@ -40,8 +41,8 @@ class Estimate:
     def message(self) -> str:
         """Which model the state is from, and its intervals, in a sentence."""
         named = {name.replace("sideways", "force along the shear"): width for name, width in self.errors.items()}
-        shown = ", ".join(f"{name} +-{100 * width:.2g} %" for name, width in named.items() if width is not None)
-        return f"by the surrogate; 90 % intervals: {shown}"
+        widths = [f"{name} +-{shown(width, 'percent', 2)}" for name, width in named.items() if width is not None]
+        return f"by the surrogate; 90 % intervals: {', '.join(widths)}"
 
 
 def respond(design: Design, load: Load, magnet: Magnet = "rigid") -> Estimate:

@@ -30,6 +30,7 @@ from analytic.inverse.forward_model import rotation
 from analytic.inverse.response_surface import Mechanics, force_and_load, shifts_of_forces, workspace
 from geometry.arrays import Array
 from studies.calibration.sensor_fit import Fit, Sensor, condensed, linearised, settle_shifts, slopes_of
+from studies.quantities import shown
 from studies.sensing import decode_readings
 from studies.sensing.decode_readings import QUANTILE
 
@@ -345,7 +346,7 @@ def zero_doubts(found: Fit, offset: Array, *, warm: bool) -> list[str]:
     # a uniform field is none of the sensor's doubts where it is rejected
     far = np.abs(coder.goal.free @ offset if found.rejects_ambient else offset) > coder.goal.tolerance
     said = [
-        f"{element.name} by {1e3 * abs(moved):.2g} mT ({1e3 * most:.2g} mT)"
+        f"{element.name} by {shown(abs(moved), 'mT', 2)} ({shown(most, 'mT', 2)})"
         for element, moved, most, is_far in zip(
             coder.forward.elements, offset.tolist(), coder.goal.tolerance.tolist(), far.tolist(), strict=True
         )

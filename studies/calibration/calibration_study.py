@@ -39,6 +39,7 @@ from studies.output.figures import FREE, LOG, Figure, panels, rule, save, styles
 from studies.output.result import Result, Rows, Table
 from studies.parts.part_tolerances import Tolerances
 from studies.parts.requirements import LIGHTEST, Requirements, design_table, full_scale
+from studies.quantities import shown
 from studies.sensing.decode_readings import QUANTILE
 from studies.simulation import mechanics_sources
 
@@ -441,7 +442,7 @@ def advice(found: Fit, needed: Requirements | None = None) -> str:
     x, y, z = at[:3] + 0.0
     return (
         f"the next press that helps most{within}: {z:.3g} N with ({x:.2g}, {y:.2g}) N along (x, y); it lowers the "
-        f"standard deviation of decoded forces from {1e3 * now:.3g} to {1e3 * after:.3g} mN"
+        f"standard deviation of decoded forces from {shown(now, 'mN')} to {shown(after, 'mN')}"
     )
 
 
@@ -633,7 +634,7 @@ def shortcoming(found: Fit, expected: Sensor, truth: Array, inside: float) -> tu
         return f"the model is off: its intervals hold {inside:.2g} % of the forces", CHECK
     share = calibrated_forces.variance_shares(found)
     most = max(share, key=lambda name: share[name])
-    variance = f"makes {100 * share[most]:.2g} % of the variance of its forces"
+    variance = f"makes {shown(share[most], 'percent', 2)} of the variance of its forces"
     if most == "noise":
         return f"noise of the readings {variance}", "average more readings"
     if most == "mechanics":

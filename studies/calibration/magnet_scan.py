@@ -31,6 +31,7 @@ from studies.inputs.units import IN_HEADS
 from studies.output import page_templates
 from studies.output.figures import FREE, Figure, picture, styles, thinned
 from studies.output.result import Result, Table
+from studies.quantities import shown
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -156,7 +157,7 @@ def run(design: Design, file: Path, progress: Progress) -> Result:
         records=[record],
         shown=[
             Table(title="Unknowns", rows=rows),
-            f"Residuals {1e3 * rms:.2g} mT (root of the mean square) at {len(position)} positions.",
+            f"Residuals {shown(rms, 'mT', 2)} (root of the mean square) at {len(position)} positions.",
             *(f"{page_templates.sentence(each)}." for each in (*told, note)),
         ],
         tables={"scan": table, "unknowns": rows},

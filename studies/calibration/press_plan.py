@@ -31,6 +31,7 @@ from studies.calibration.regression_study import ASSUMED_NOISE
 from studies.calibration.sensor_fit import Fit, Sensor
 from studies.parts.part_tolerances import Tolerances
 from studies.parts.requirements import Requirements
+from studies.quantities import shown
 
 if TYPE_CHECKING:
     from studies.output.records import FlatRow
@@ -144,7 +145,7 @@ class Plan:
     def warnings(self) -> list[str]:
         """Return a sentence if loads are left out."""
         left_out = (
-            f"{100 * self.lost:.3g} % of the loads are beyond the mechanics, and left out: "
+            f"{shown(self.lost, 'percent')} of the loads are beyond the mechanics, and left out: "
             "give --responses, states of finite elements under larger loads"
         )
         return [left_out] if self.lost else []

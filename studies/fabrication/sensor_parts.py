@@ -28,6 +28,7 @@ from studies.mechanics import store as stores
 from studies.output import atomic_files, console, own_files
 from studies.output.records import FlatRow
 from studies.output.result import Block, Result, Table, failure_of
+from studies.quantities import shown
 from studies.simulation import design_summary, loaded_clearance
 
 if TYPE_CHECKING:
@@ -149,7 +150,7 @@ def _refuse_failed(checks: Sequence[Check]) -> None:
     for check in checks:
         if not check.passed:
             raise MeshError(
-                f"check '{check.name}' fails: {check.value:.3g} {check.unit}, must be {check.bound}; "
+                f"check '{check.name}' fails: {shown(check.value, check.unit)}, must be {check.bound}; "
                 "no file is written: change the design or the mould"
             )
 

@@ -40,6 +40,7 @@ from studies.output.atomic_files import write_text
 from studies.output.result import Result, Table, Writer
 from studies.parts.part_tolerances import Tolerances, tolerances
 from studies.parts.requirements import Requirements, full_scale
+from studies.quantities import shown
 from studies.sensing import decode_readings
 from studies.sensing.decode_readings import QUANTILE
 from studies.sensitivity import decode_tolerances
@@ -567,7 +568,7 @@ def run(
     off = "" if options.calibration else "; what a made sensor differs from the design comes on top: calibrate it"
     remark = (
         f"the tables add {force:.1g} N to the error of the mechanics ({firmware.source}), which the decoder's "
-        f"polynomials miss by up to {fit_error:.2g} N, {100 * fit_error / full:.2g} % of {of_what} "
+        f"polynomials miss by up to {fit_error:.2g} N, {shown(fit_error / full, 'percent', 2)} of {of_what} "
         f"({full:.4g} N){off}"
     )
     remarks = [remark]
@@ -577,5 +578,10 @@ def run(
             "give the decoder the temperature by magtip_set_temperature: without it the intervals hold for "
             f"{wide:.0f} K more or less"
         )
-    shown = [Table(title="Firmware", rows=[record])]
-    return Result(title="Firmware", records=[record], shown=shown, remarks=remarks, files={**files, **more})
+    return Result(
+        title="Firmware",
+        records=[record],
+        shown=[Table(title="Firmware", rows=[record])],
+        remarks=remarks,
+        files={**files, **more},
+    )

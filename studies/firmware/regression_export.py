@@ -28,8 +28,8 @@ from studies.inputs.table_input import COLDEST, HOTTEST
 from studies.inputs.user_input import design_text
 from studies.output.atomic_files import write_text
 from studies.output.result import Result, Writer
-from studies.output.text_tables import shown
 from studies.parts.requirements import Requirements, full_scale
+from studies.quantities import shown
 
 CODE, WARM_CODE = 2_400, 100
 """Bytes beside the tables of a program for a Cortex-M4F with -Os, and those of a temperature (as measured by
@@ -197,7 +197,7 @@ def run(
     }  # fmt: skip
     remark = (
         f"float adds {error:.1g} N to the errors of the {found.words}, which on held-out rows were "
-        f"{shown(found.held_out.tolist(), 2, 'unknown')} N along x, y and z"
+        f"{shown(found.held_out.tolist(), 'N', 2, 'unknown')} along x, y and z"
     )
     remarks = [remark]
     if found.is_thermal:

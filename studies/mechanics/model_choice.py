@@ -34,6 +34,7 @@ from fem.physics_version import PHYSICS
 from fem.scene import Model, choose_model, press_limits
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load, Magnet, Response
+from studies.quantities import shown
 
 Kind = Literal["press", "glued shear", "friction"]
 DATA = Path(__file__).with_name("model_choice.json")
@@ -221,8 +222,8 @@ def choose(
         )
     best = min(choices, key=lambda choice: choice.bound)
     raise BadInput(
-        f"no model is known to meet the tolerance {percent(tolerance)} for these loads: the smallest tolerance "
-        f"that is met is {percent(rounded_up(best.bound, 2))}, by model {best.name}"
+        f"no model is known to meet the tolerance {shown(tolerance, 'percent', 2)} for these loads: the smallest "
+        f"tolerance that is met is {shown(rounded_up(best.bound, 2), 'percent', 2)}, by model {best.name}"
     )
 
 
@@ -269,8 +270,12 @@ def unmet(
         if error is None or math.isnan(error):
             return f"{name} is unknown"
         if error > choice.tolerance:
-            size = "that of a force which nearly vanishes" if math.isinf(error) else percent(rounded_up(error, 2))
-            return f"{name}, {size}, exceeds the tolerance {percent(choice.tolerance)}"
+            size = (
+                "that of a force which nearly vanishes"
+                if math.isinf(error)
+                else shown(rounded_up(error, 2), "percent", 2)
+            )
+            return f"{name}, {size}, exceeds the tolerance {shown(choice.tolerance, 'percent', 2)}"
     return ""
 
 
@@ -310,8 +315,8 @@ def _choices(
         largest, sideways = (max(values) for values in zip(*bounds, strict=True))
         beyond = list(dict.fromkeys(place.beyond for _, place in places if place.beyond))
         where = f"{kind} ({', '.join(dict.fromkeys(place.name for _, place in places))})"
-        shown = percent(rounded_up(largest, 2)) if math.isfinite(largest) else "no bound"
-        reason = f"this is the cheapest model whose measured error for {where} is within {shown}"
+        least = shown(rounded_up(largest, 2), "percent", 2) if math.isfinite(largest) else "no bound"
+        reason = f"this is the cheapest model whose measured error for {where} is within {least}"
         if beyond:
             reason += f"; the study does not contain {', '.join(beyond)}, so its errors are multiplied"
         if model == SURROGATE:
@@ -443,12 +448,3 @@ def rounded_up(value: float, digits: int) -> float:
     """
     places = digits - 1 - math.floor(math.log10(value))
     return round(math.ceil(value * math.pow(10, places) - 1e-9) / math.pow(10, places), 12)
-
-
-def percent(value: float) -> str:
-    """Return a fraction in percent.
-
-    >>> percent(0.0123), percent(0.2)
-    ('1.2 %', '20 %')
-    """
-    return f"{100 * value:.2g} %" if value < 0.995 else f"{100 * value:.0f} %"

@@ -19,6 +19,7 @@ from studies.mechanics import path_solver, store, store_actions
 from studies.mechanics.store import Content, State
 from studies.mechanics.timed_quantities import PlateMotion
 from studies.output.records import FlatRow
+from studies.quantities import shown
 
 MOST_NAMED = 3
 """Number of errors that a message quotes."""
@@ -158,7 +159,7 @@ def _difference(key: str, content: Content, stored: State) -> str:
     allowed = max(ROUNDING, *estimates)
     if difference <= allowed:
         return ""
-    return f"differs by {100 * difference:.2g} % (estimated error {100 * allowed:.2g} %)"
+    return f"differs by {shown(difference, 'percent', 2)} (estimated error {shown(allowed, 'percent', 2)})"
 
 
 def problem(content: Content, state: State) -> path_solver.Place:

@@ -20,6 +20,7 @@ from studies.mechanics.model import Model
 from studies.models.finite_elements import FemModel
 from studies.models.formulas import Formula
 from studies.models.surrogate import Surrogate
+from studies.quantities import shown
 
 if TYPE_CHECKING:
     from studies.mechanics.model import Found, Problem
@@ -137,13 +138,12 @@ class Tolerance(Model):
 
     def remarks(self, rows: Counter[Any], count: int) -> list[str]:
         """Return which models were chosen in how many cases."""
-        from studies.mechanics.model_choice import percent
-
+        wanted = f"tolerance {shown(self.tolerance, 'percent', 2)}"
         chosen = ", ".join(f"{name} in {number}" for name, number in rows.items() if name)
         if not chosen:
-            return [f"tolerance {percent(self.tolerance)}: no model is known to meet it in any of {count} cases"]
+            return [f"{wanted}: no model is known to meet it in any of {count} cases"]
         why = "each the cheapest model whose measured errors for that kind of load meet it"
-        return [f"tolerance {percent(self.tolerance)}: {chosen} of {count} cases, {why}"]
+        return [f"{wanted}: {chosen} of {count} cases, {why}"]
 
 
 def model_of(choice: Choice) -> Model:

@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from studies.output import literals
-from studies.output.text_tables import cell, markdown, shown
+from studies.output.text_tables import cell, markdown
+from studies.quantities import UNITS, shown
 
 
 def rendered(template: Path, **values: Any) -> str:
@@ -47,9 +48,8 @@ def listed(lines: Iterable[str], nothing: str = "None.") -> str:
 
 @functools.cache
 def _environment(folder: Path) -> Any:
-    """Return the templates, with the filters `table`, `cell`, `listed`, `sentence`, `shown` of a number as the
-    terminal shows it, `f`, which formats as Python does, and for a user's texts `md`, `code` (of Markdown) and
-    `comment` (of C).
+    """Return the templates, with the filters `table`, `cell`, `listed`, `sentence`, `shown` of a number with unit,
+    `f`, which formats as Python does, and for a user's texts `md`, `code` (of Markdown) and `comment` (of C).
 
     A template of HTML escapes by itself.
     """
@@ -73,5 +73,6 @@ def _environment(folder: Path) -> Any:
         "code": literals.as_code,
         "comment": literals.in_comment,
     }
+    environment.globals["UNITS"] = UNITS
     environment.tests["finite"] = math.isfinite
     return environment

@@ -7,10 +7,10 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from studies.output.literals import in_markdown
-from studies.quantities import UNITS, column_unit
+from studies.quantities import FACTORS, UNITS, column_unit, shown
 
-SHOWN = {"T": ("mT", 1e3)}
-"""Units in which values are shown that are kept in another one, and the factor to them."""
+READ_IN = {"T": "mT"}
+"""Units in which values of tables are read that are kept in another one."""
 SYMBOLS = {column_unit(unit): symbol for unit, symbol in UNITS.items() if symbol}
 """Symbols of units by the last part of a key."""
 TURNS = {
@@ -65,7 +65,7 @@ def heading(key: str) -> tuple[str, str]:
         # a motion over a length is one of the same unit
         return above, f"{unit or ('1' if last == 'K' else last)}/{last}"
     if name and last in SYMBOLS:
-        return in_words(name), SHOWN.get(last, (SYMBOLS[last], 1.0))[0]
+        return in_words(name), READ_IN.get(last, SYMBOLS[last])
     return in_words(key), ""
 
 
@@ -90,24 +90,8 @@ def in_unit(key: str, value: Any, digits: int = 5) -> str:
     if isinstance(value, Mapping):
         parts = [(*heading(name), in_unit(name, part, digits)) for name, part in value.items()]
         return ", ".join(f"{name} {text} {unit}".strip() for name, unit, text in parts)
-    factor = SHOWN.get(key.rpartition("_")[2], ("", 1.0))[1]
-    return shown(factor * value if isinstance(value, float) else value, digits)
-
-
-def shown(value: Any, digits: int = 5, nothing: str = "-") -> str:
-    """Return a value as text: a number with so many significant digits, and a text for no value.
-
-    >>> shown(0.123456789), shown([2.0, -0.0, None], 3), shown(True), shown(math.nan, nothing="unknown")
-    ('0.12346', '2, 0, -', 'yes', 'unknown')
-    """
-    if isinstance(value, (list, tuple)):
-        return ", ".join(shown(item, digits, nothing) for item in value)
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    if value is None or value == "" or value != value:
-        return nothing
-    # no zero has a sign
-    return f"{value + 0.0:.{digits}g}" if isinstance(value, float) else str(value)
+    factor = FACTORS[READ_IN[last]] if (last := key.rpartition("_")[2]) in READ_IN else 1.0
+    return shown(factor * value if isinstance(value, float) else value, digits=digits)
 
 
 # Markdown
@@ -141,7 +125,7 @@ def cell(value: Any, digits: int = 3) -> str:
     """Return a value as a cell: no number is empty, a missed yes or no is bold."""
     if value is False:
         return "**no**"
-    return in_markdown(shown(value, digits, "")) if value not in (math.inf, -math.inf) else ""
+    return in_markdown(shown(value, digits=digits, nothing="")) if value not in (math.inf, -math.inf) else ""
 
 
 def quantity_name(column: str) -> str:

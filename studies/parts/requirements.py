@@ -27,6 +27,7 @@ from geometry.hall_chips import CIRCLES
 from studies.inputs.units import quantity
 from studies.inputs.user_input import check_keys, checked, fabrication_of, table_beside, toml_table
 from studies.output.literals import literal
+from studies.quantities import FACTORS
 
 CONVERTER_RATE = 80e3
 """Values of three channels a second, Hz: the NI 9205 has 250 kS/s for all of its channels."""
@@ -87,7 +88,7 @@ class Criterion:
     @property
     def factor(self) -> float:
         """The value in the shown unit over that in the unit of the requirement."""
-        return {"mN": 1e3, "%": 100.0}.get(self.unit, 1.0)
+        return FACTORS.get("percent" if self.unit == "%" else self.unit, 1.0)
 
     def value_of(self, of: Figures, needed: Requirements) -> Array:
         """Return the value of n sensors, NaN where it is unknown."""

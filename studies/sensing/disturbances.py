@@ -36,6 +36,7 @@ from studies.inputs.units import quantity
 from studies.output import page_templates
 from studies.output.records import FlatRow
 from studies.output.result import Result, Table
+from studies.quantities import shown
 from studies.sensing.decode_readings import Source
 
 if TYPE_CHECKING:
@@ -314,7 +315,7 @@ def warming(coder: Decoder, loads: Loads, options: Disturbing, full: float) -> l
         f"remanence ({design.remanence_drift:g} %/K)": (magnet * still, 0.0),
         told: (gain * still, 0.0),
         f"nulls of the elements ({of_nulls})": (still, math.nan if nulls is None else known_nulls),
-        f"modulus ({100 * (stiff - 1) / kelvin:.2g} %/K)": (loads.readings(softer), 0.0),
+        f"modulus ({shown((stiff - 1) / kelvin, 'percent/K', 2)})": (loads.readings(softer), 0.0),
         f"expansion of the silicone ({SILICONE_EXPANSION:g} /K)": (loads.readings(free + lift), 0.0),
         f"expansion of the base ({BASE_EXPANSION:g} /K)": (wider.readings(free), 0.0),
         "all that is known": (magnet * known_gain * wider.readings(softer + lift), known_nulls),

@@ -35,7 +35,7 @@ from studies.output.maps import heat
 from studies.output.records import FlatRow
 from studies.output.result import Result, Table, Writer
 from studies.output.table_files import write_table
-from studies.output.text_tables import shown
+from studies.quantities import shown
 from studies.sensing import decode_readings, force_range, layout_metrics, layout_search, layout_uniqueness
 from studies.sensing.decode_readings import Source
 from studies.sensing.layout_uniqueness import Claim
@@ -169,7 +169,7 @@ def _shown(layout: FlatRow) -> FlatRow:
 def _shown_forces(forces: FlatRow) -> FlatRow:
     row = {name: value for name, value in forces.items() if value not in (None, []) and name != "warnings"}
     for name in {"worst_at_N", "worst_at_mm"} & set(row):
-        row[name] = ["; ".join(shown(v, 3) for v in vector) for vector in row[name]]
+        row[name] = ["; ".join(shown(v) for v in vector) for vector in row[name]]
     return row
 
 

@@ -33,6 +33,7 @@ from studies.output.records import FlatRow
 from studies.output.result import Result, Table
 from studies.output.text_tables import heading, titled
 from studies.parts.part_tolerances import SPECS, Parts, Tolerances, sources_of, tolerances
+from studies.quantities import shown
 from studies.sensing.field_readings import columns as element_columns
 from studies.sensitivity import beam_motions, global_sensitivity, made_sensors, uncertainty_figures
 from studies.sensitivity.beam_motions import MODELS, Press, sampled_outputs
@@ -171,7 +172,7 @@ class Found:
         failed, named = sum(self.reasons.values()), list(self.reasons.items())[:MOST_NAMED]
         rest = failed - sum(number for _, number in named)
         texts = [f"{number} because {text}" for text, number in named] + [f"{rest} for other reasons"] * (rest > 0)
-        share = f"{failed} of {self.count} have failed ({100 * failed / self.count:.3g} %), {', '.join(texts)}"
+        share = f"{failed} of {self.count} have failed ({shown(failed / self.count, 'percent')}), {', '.join(texts)}"
         return share if failed else ""
 
 

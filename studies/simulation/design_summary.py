@@ -15,7 +15,7 @@ from geometry.messages import WARNING, Progress
 from studies.output import atomic_files, vtk_files
 from studies.output.records import FlatRow
 from studies.output.result import Result, Table
-from studies.output.text_tables import shown
+from studies.quantities import shown
 
 if TYPE_CHECKING:
     from geometry.base import Plan
@@ -78,7 +78,7 @@ def study(
     rows = []
     for spec in specs:
         unit = "" if spec.metadata["unit"] == "1" else spec.metadata["unit"]
-        value = shown(getattr(design, spec.name), 6, "none")
+        value = shown(getattr(design, spec.name), digits=6, nothing="none")
         source = "unused" if spec.name in unused else origin(spec.name, design)
         row = {"field": spec.name, "value": value, "unit": unit, "source": source, "meaning": spec.metadata["text"]}
         rows.append(row)

@@ -24,7 +24,7 @@ from studies.output.figures import FREE, LOG, Figure, markers, rule, save, style
 from studies.output.literals import one_line, toml
 from studies.output.records import FlatRow
 from studies.output.result import Block, Result, Table
-from studies.output.text_tables import shown
+from studies.quantities import shown
 from studies.simulation import branch_regression, law_regression, material_tests
 from studies.simulation.branch_regression import BranchFit, thinned
 from studies.simulation.law_regression import MISFIT, Fit, nominal_stress
@@ -49,12 +49,12 @@ Curve = tuple[Array, NDArray[Any]]
 def _texts(record: FlatRow) -> FlatRow:
     def text(name: str, value: Any) -> Any:
         if isinstance(value, dict):
-            return ", ".join(f"{key}={shown(number, 6)}" for key, number in value.items())
+            return ", ".join(f"{key}={shown(number, digits=6)}" for key, number in value.items())
         if not isinstance(value, list):
             return value
         if name.startswith("stable_"):
             return "{:.3g} to {:.3g}".format(*value)
-        return shown(value, 6)
+        return shown(value, digits=6)
 
     return {name: text(name, value) for name, value in record.items() if name != "warnings"}
 
@@ -166,21 +166,21 @@ def branches(
     records = [branch_record(each, test, rank, chosen=each is chosen) for rank, each in enumerate(ranked, 1)]
     texts = [_texts(record) for record in records]
     files = {"fit.png": partial(_draw_branches, test=test, fit=chosen)}
-    shown, unusable = _branch_tables(texts, chosen, test, wide=wide), why_unusable(chosen, test)
+    tables, unusable = _branch_tables(texts, chosen, test, wide=wide), why_unusable(chosen, test)
     speaks = f"branches speak for {range_text(chosen.relaxation)}"
     if not unusable:
         # E at rest, if it is known
         lines = [f"E = {chosen.long_term:.6g}", f"nu = {nu!r}"] if test.has_modulus else []
         lines += toml({"modulus": "long-term", "prony": branches_text(chosen.relaxation)})
-        text = _design_file(path, f"{100 * chosen.rms:.3g} %", command, [f"# the {speaks}", *lines])
+        text = _design_file(path, shown(chosen.rms, "percent"), command, [f"# the {speaks}", *lines])
         files["design.toml"] = partial(write_text, text=text)
-        shown += ["Lines for a design file:", *(f"  {line}" for line in lines)]
+        tables += ["Lines for a design file:", *(f"  {line}" for line in lines)]
     if chosen.count:
-        shown.append(f"The {speaks}.")
+        tables.append(f"The {speaks}.")
     return Result(
         title="Branches",
         records=records,
-        shown=shown,
+        shown=tables,
         tables={"fit": texts},
         files=files,
         warnings=_warnings(chosen, test),

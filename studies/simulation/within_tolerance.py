@@ -17,12 +17,13 @@ from studies.inputs.option_groups import Method, Wanted
 from studies.inputs.user_input import AccuracyName, parse_tolerance
 from studies.mechanics import model_choice
 from studies.mechanics.model import Problem
-from studies.mechanics.model_choice import UNMET, Choice, percent
+from studies.mechanics.model_choice import UNMET, Choice
 from studies.mechanics.path_solver import Answer
 from studies.mechanics.timed_quantities import STILL
 from studies.models.tolerance import model_of, until_met
 from studies.output import console
 from studies.output.records import FlatRow
+from studies.quantities import shown
 from studies.simulation import load_cases, state_rows
 
 if TYPE_CHECKING:
@@ -41,7 +42,7 @@ def say(choice: Choice) -> None:
     """Print on standard error which model is chosen, and why."""
     names = {"formula": f"formulas of level {choice.level_or_accuracy}", "surrogate": "the surrogate"}
     name = names.get(choice.model_kind, choice.name)
-    console.say(f"magtip: tolerance {percent(choice.tolerance)}: {name}, because {choice.reason}")
+    console.say(f"magtip: tolerance {shown(choice.tolerance, 'percent', 2)}: {name}, because {choice.reason}")
 
 
 def run(

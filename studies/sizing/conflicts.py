@@ -23,6 +23,7 @@ from studies.output import page_templates
 from studies.output.records import FlatRow
 from studies.parts.catalogues import Catalogues, catalogues_of
 from studies.parts.requirements import AT_LEAST, AT_MOST, LIMITS, SHOWN, Requirements
+from studies.quantities import shown
 from studies.sizing import advice
 from studies.sizing.advice import Proof, Trial
 from studies.sizing.candidate_variables import Candidates, Space
@@ -76,12 +77,8 @@ def amount(name: str, value: float) -> str:
     >>> amount("largest_strain", 0.49), amount("resolution_z", 0.02), amount("force_z", 5.0), amount("samples", 16)
     ('49 %', '20 mN', '5 N', '16')
     """
-    unit, shown = LIMITS[name].metadata["unit"] if name in LIMITS else "1", SHOWN[name]
-    if shown == "%":
-        return f"{100 * value:.4g} %"
-    if unit == "N" and abs(value) < 0.1:
-        return f"{1000 * value:.4g} mN"
-    return f"{value:.4g}" + ("" if unit == "1" else f" {unit}")
+    unit = "percent" if SHOWN[name] == "%" else LIMITS[name].metadata["unit"] if name in LIMITS else "1"
+    return shown(float(value), "mN" if unit == "N" and abs(value) < 0.1 else unit, 4)
 
 
 def impossible(needed: Requirements, catalogues: Catalogues) -> tuple[str, ...]:

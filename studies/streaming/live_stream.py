@@ -33,10 +33,11 @@ from analytic.stream import Stream
 from analytic.time_series import RelaxingForce
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
+from studies import quantities
 from studies.inputs.option_groups import Decoding, SourceOfLoad, Streaming
 from studies.inputs.units import IN_HEADS
 from studies.inputs.user_input import parse_numbers
-from studies.output import atomic_files, console, text_tables
+from studies.output import atomic_files, console
 from studies.output.result import Result
 from studies.sensing import decode_readings
 from studies.sensitivity.decode_tolerances import AtRest
@@ -702,7 +703,7 @@ def screen() -> Sink:
         if not rows or now - shown < REDRAW:
             return
         row, rate = rows[-1], count / (now - shown)
-        force = "  ".join(f"F{axis} {text_tables.shown(row[f'force_{axis}_N']):>8}" for axis in "xyz")
+        force = "  ".join(f"F{axis} {quantities.shown(row[f'force_{axis}_N'], digits=5):>8}" for axis in "xyz")
         moment = "  no time" if math.isnan(row["time_s"]) else f"{row['time_s']:9.2f}"
         sys.stdout.write(f"\r{moment} s  {force} N  {row['status']:<16} {rate:5.0f} Hz ")
         sys.stdout.flush()

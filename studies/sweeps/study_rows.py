@@ -36,7 +36,7 @@ from studies.mechanics import timed_quantities
 from studies.mechanics.model import Problem
 from studies.mechanics.path_solver import Answer, frequency_unit
 from studies.mechanics.study_cases import Batch, Columns, Plan, Recent
-from studies.quantities import QUANTITIES, Part, Quantity, reading_parts
+from studies.quantities import QUANTITIES, Part, Quantity, reading_parts, shown
 
 FIRST_AXES = ("D", "L", "f", "E", "depth")
 """Axes whose columns every table has, first."""
@@ -256,7 +256,7 @@ def with_critical(status: str, critical: Answer, problem: Problem) -> tuple[str,
         return status, ""
     at, error = depth * D, critical.error_estimate
     if not abs(load.depth / at - 1) > error:
-        off = "with an unknown error" if math.isnan(error) else f"+- {100 * error:.2g} %"
+        off = "with an unknown error" if math.isnan(error) else f"+- {shown(error, 'percent', 2)}"
         where = f"the press buckles sideways at {at:.4g} mm {off}, now it is {load.depth:g} mm deep"
         return "unstable" if status == "unstable" else "unknown", where
     if load.depth > at:

@@ -22,7 +22,8 @@ from geometry.messages import Progress
 from studies.output import atomic_files, provenance
 from studies.output.figures import Figure
 from studies.output.literals import one_line
-from studies.output.text_tables import quantity_name, shown
+from studies.output.text_tables import quantity_name
+from studies.quantities import shown
 from studies.web import folder_contents, report_sections
 from studies.web.page_content import PAGE, as_json, lead_of, page_html, page_theme, sources, title_of
 from studies.web.report_sections import Section
@@ -216,7 +217,7 @@ def _cell(value: Any) -> tuple[str, bool]:
         number = float(value)
     except (TypeError, ValueError):
         return {"True": "yes", "False": "no"}.get(str(value), str(value)), False
-    return shown(number, 4, nothing=""), True
+    return shown(number, digits=4, nothing=""), True
 
 
 def figure_data(figure: Figure) -> dict[str, Any]:

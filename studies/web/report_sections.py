@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -19,6 +18,7 @@ from studies.inputs.study_input import load_of
 from studies.mechanics.study_cases import varied
 from studies.output import deformed_body, provenance
 from studies.output.figures import Figure
+from studies.quantities import shown
 from studies.sensitivity import uncertainty_figures
 from studies.simulation import comparison_figures, critical_depths, mesh_convergence, time_figures
 from studies.sizing import sizing_figures
@@ -260,7 +260,7 @@ def solved_surface(design: Design, load: Load | ForceTarget | None) -> dict[str,
         state_pictures.surface(solution),
         f" Solved{why} for this report, for D = {design.D:.4g} mm and L = {design.L:.4g} mm: force "
         f"{response.force[0]:.3g} N along the shear and {response.force[2]:.3g} N in compression; the magnet tilts "
-        f"by {math.degrees(response.tilt):.2g} degrees.",
+        f"by {shown(response.tilt, 'deg', 2)}.",
     )
 
 
@@ -278,7 +278,7 @@ def _named_load(load: Load) -> str:
     """
     parts = [f"a press of {load.depth:.3g} mm" if load.grip is None else f"a grip of {load.grip:.3g} mm"]
     if load.plate_tilt:
-        parts.append(f"a plate tilted by {math.degrees(load.plate_tilt):.3g} degrees")
+        parts.append(f"a plate tilted by {shown(load.plate_tilt, 'deg')}")
     if load.shear:
         parts.append(f"a shear of {load.shear:.3g} mm")
     contact = {"stick": "with the plate stuck to the tip", "none": "without friction"}

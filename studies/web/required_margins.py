@@ -21,6 +21,7 @@ from studies.beam import surrogate_range, surrogate_response
 from studies.inputs import user_input
 from studies.parts.catalogues import catalogues_of
 from studies.parts.requirements import Criterion, Requirements, read_requirements, stated_requirements
+from studies.quantities import shown
 from studies.sizing import candidate_performance, sensor_arrays, variant_search
 from studies.sizing.candidate_performance import Performance
 from studies.sizing.candidate_variables import Variant
@@ -150,7 +151,7 @@ def _row(criterion: Criterion, bound: float, result: Performance, variant: Varia
         float(result.margins[criterion.name][0]),
     )
     value = float(criterion.value_of(result.values, needed)[0])
-    share = f"{abs(100 * margin):.3g} %"
+    share = shown(abs(margin), "percent")
     text = f"{share} left" if margin >= 0 else f"missed by {share}"
     if math.isnan(value):
         text = "not known: no noise is given" if name.startswith("resolution") else "not known"

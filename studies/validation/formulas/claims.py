@@ -37,6 +37,7 @@ from studies.mechanics.cycle_motion import Motion
 from studies.output import page_templates
 from studies.output.records import known
 from studies.output.result import Result
+from studies.quantities import shown
 from studies.sensing import layout_uniqueness
 from studies.simulation import vibration_report
 from studies.simulation.compare import part
@@ -153,10 +154,7 @@ def _time(seconds: float) -> str:
     >>> _time(3.2e-6), _time(0.0384), _time(2.0)
     ('3.2 µs', '38 ms', '2 s')
     """
-    for factor, unit in ((1.0, "s"), (1e3, "ms")):
-        if seconds * factor >= 1:
-            return f"{seconds * factor:.2g} {unit}"
-    return f"{seconds * 1e6:.2g} µs"
+    return shown(seconds, "s" if seconds >= 1 else "ms" if seconds >= 1e-3 else "us", 2)
 
 
 # Presses
