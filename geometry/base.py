@@ -66,6 +66,7 @@ class Base:
     marks : 1 for grooves in the edge of the upper face, one at +x and two at +y.
     breakout : name of a breakout board (`geometry.fabrication.breakout_boards`) that is screwed under a square base
         in place of a board of its own; "" for none.
+    cell : name of the load cell (`geometry.fabrication.bench_parts`) that the fixture fits; "" for the first one.
 
     Raises
     ------
@@ -83,6 +84,7 @@ class Base:
     screw: float | None = quantity(None, "mm", 0.0, 10.0)
     marks: int = quantity(0, "1", 0, 1, count=True)
     breakout: str = ""
+    cell: str = ""
 
     def __post_init__(self) -> None:
         if self.shape not in SHAPES:

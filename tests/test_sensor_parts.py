@@ -30,12 +30,13 @@ from studies.output import own_files
 from studies.simulation import design_summary
 
 JIG = ["jig", "jig_plunger", "jig_bar", "jig_gauge"]
-PARTS = ["beam", "silicone", "magnet", "base", "mold_a", "mold_b", *JIG]
+PARTS = ["beam", "silicone", "magnet", "base", "mold_a", "mold_b", *JIG, "stand", "fixture"]
 SHEETS = {
     "sensor.svg",
     "base.svg",
     "mold.svg",
     "jig.svg",
+    "bench.svg",
     "plate.3mf",
     "jig.png",
     "assembly.step",
@@ -240,7 +241,7 @@ def test_json_and_a_base_that_has_no_place(run, refusal, tmp_path, strict):
     text = (tmp_path / "parts" / "README.md").read_text(encoding="utf-8")
     assert "There is no base and so no assembled size; the beam is 8 x 8 x 12 mm" in text
     assert "Two pins of Ø2 x 10 mm lie across the split, in holes of Ø2.1 mm" in text
-    names = ["beam", "silicone", "magnet", "mold_a", "mold_b1", "mold_b2", *JIG]
+    names = ["beam", "silicone", "magnet", "mold_a", "mold_b1", "mold_b2", *JIG, "stand"]
     assert [part["name"] for part in record["parts"]] == names
     assert set(record["checks"][0]) == {field.name for field in dataclasses.fields(Check)}
     assert all(check["passed"] for check in record["checks"])
@@ -251,6 +252,7 @@ def test_json_and_a_base_that_has_no_place(run, refusal, tmp_path, strict):
         "mold.svg",
         "plate.3mf",
         "jig.svg",
+        "bench.svg",
         "jig.png",
         "parts.csv",
     }

@@ -14,8 +14,10 @@ from analytic.parts import element_names
 from geometry.base import Plan, screw_thread
 from geometry.cad import beam_volume
 from geometry.design import Design
-from geometry.fabrication import board_drawing, magnet_jig
+from geometry.fabrication import bench_parts, board_drawing, magnet_jig
+from geometry.fabrication.hall_elements import SS495A, places
 from geometry.mold import BOLT, EAR_DEPTH, NUT, Mold, pours, screw_length, sizes
+from studies.fabrication.circuit_board import circuits
 from studies.output import page_templates
 from studies.output.records import FlatRow
 from studies.simulation import loaded_clearance
@@ -75,14 +77,17 @@ def cure(limit: float) -> float:
     return min(PAPER_CURE, limit - MARGIN)
 
 
-def recipe_of(design: Design, choices: FabricationChoices) -> FlatRow:
-    """Return the temperatures and dowels of a casting.
+def recipe_of(design: Design, choices: FabricationChoices, plan: Plan | None = None) -> FlatRow:
+    """Return the temperatures and dowels of a casting; `plan` is that of the base, None without one.
 
     magnet_limit_C : working limit of the magnet; None without a magnet.
     cures : greatest temperatures of the cures, for each material that the mould can be printed from.
     lid_screws : countersunk screws that clamp A onto B, long enough for a washer and a nut.
     jig : length of the screws that clamp the jig in A's place, diameter of its bores, of a plunger in the bore and of
         its end; None without a jig.
+    stand : levelling screws of the stand, and its tilt by one turn of a screw.
+    fixture : load cell of the fixture, its screws and those of the base (0: none), its deflection by 1 N, and how far
+        the axis of the beam is off the middle of the cell; None without a base.
     magnet_depth_mm : depth of the glued magnet's top below B's rim; None without a magnet.
     dowels, screws : pins that align the halves of a split mould, and screws that clamp them, long enough for two
         washers and a nut; None if the mould is not split.
@@ -95,6 +100,8 @@ def recipe_of(design: Design, choices: FabricationChoices) -> FlatRow:
     """
     magnet, s = MAGNET_LIMIT if design.shape.has_magnet else None, sizes(design, choices.mold)
     length, (jig, _) = 2 * EAR_DEPTH, magnet_jig.planned(design, choices.mold)
+    stand = bench_parts.stand(s)
+    fixture = plan and bench_parts.fixture(plan, choices.mold.printing, choices.base.cell)
     return {
         "magnet_limit_C": magnet,
         "cures": [
@@ -121,6 +128,17 @@ def recipe_of(design: Design, choices: FabricationChoices) -> FlatRow:
             "shank_mm": 2 * jig.shank,
             "end_mm": 2 * jig.tip,
             "limit_mm": magnet_jig.LIMIT,
+        },
+        "stand": {"screw_mm": stand.length, "tilt_deg": stand.tilt},
+        "fixture": fixture
+        and {
+            "cell": fixture.cell.name,
+            "cell_thread": f"M{fixture.cell.thread:g}",
+            "cell_screws": len(fixture.cell.holes),
+            "cell_screw_mm": fixture.cell_screw,
+            "screw_mm": fixture.screw,
+            "um_per_N": 1e3 * fixture.compliance,
+            "off_mm": fixture.off,
         },
         "magnet_depth_mm": None if magnet is None else s.pin_depth - design.magnet_height,
         "silicone": choices.silicone,
@@ -191,6 +209,8 @@ def neighbours_push(design: Design, mold: Mold) -> tuple[float, float] | None:
     return force, force / magnet_field.weight(design)
 
 
+PINS = {"VDD": "supply (+)", "GND": "ground", "OUT": "output"}
+"""Words for the nets of a one-axis element."""
 MOVED = 0.5
 """Displacement of the magnet in the table of expected readings, mm."""
 
@@ -249,7 +269,7 @@ def text(
     gap: loaded_clearance.Gap | None = None,
 ) -> str:
     """Return the README.md of one design; it names `command` as its origin."""
-    mold = choices.mold
+    mold, three = choices.mold, design.hall_layout == "three"
     page = page_templates.rendered(
         Path(__file__).with_name("CASTING.md.j2"),
         mark=MARK,
@@ -276,5 +296,8 @@ def text(
         check=expected_readings(design) if plan and design.shape.has_magnet else None,
         pushed=neighbours_push(design, mold) if design.shape.has_magnet else None,
         pin=next(iter(board_drawing.pads(design)), None),
+        inside=plan and plan.thickness + places(design)["S1"][2] + SS495A.depth - SS495A.thickness if three else None,
+        pins=[PINS[net] for net in circuits()["three"].pins],
+        pins_assumed="pins" in circuits()["three"].assumed,
     )
     return f"{page}\n"

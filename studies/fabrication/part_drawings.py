@@ -11,7 +11,7 @@ from geometry import design_digest
 from geometry.base import Plan
 from geometry.cad import moved
 from geometry.design import Design
-from geometry.fabrication import magnet_jig
+from geometry.fabrication import bench_parts, magnet_jig
 from geometry.fabrication.board_drawing import pads
 from geometry.fabrication.hall_elements import chip_centres, places
 from geometry.fabrication.printability import Process
@@ -22,7 +22,9 @@ from studies.output import provenance
 if TYPE_CHECKING:
     from build123d import Solid
 
+    from geometry.fabrication.bench_parts import Fixture
     from geometry.fabrication.magnet_jig import Jig
+    from studies.fabrication.sensor_solids import FabricatedSolids
 
 AXIS = 9.0
 """Length on paper of the arrow along which an element measures, mm."""
@@ -317,6 +319,59 @@ def jig_sheet(design: Design, mold: Mold, s: Sizes, jig: Jig, parts: Mapping[str
         f"{len(s.lugs)} countersunk screws M{number(BOLT)} x {number(screws)} through B, jig and bar",
     ]
     return sheet("Jig", [[side], [above]], notes, stamp(design, mold.printing))
+
+
+def bench_sheet(design: Design, mold: Mold, s: Sizes, plan: Plan | None, cell: str, solids: FabricatedSolids) -> str:
+    """Return the sheet of the stand, and of the fixture if there is a base."""
+    stand, lengths = solids.bench["stand"], bench_parts.stand(s)
+    front = lengths.pads[0][1]
+    side, above = View(f"Section y = {number(front)}: B on the stand"), View("Stand from above")
+    side.cut(solids.B, "rigid", y=front)
+    side.cut(stand, "lid", y=front)
+    above.projection(stand)
+    (x, y), low = lengths.half, s.bottom - bench_parts.PAD
+    (left, near), (right, _), (_, back) = lengths.screws
+    above.dims += [
+        ((-x, 0), (x, 0), "below", 0, number(2 * x)),
+        ((left, near), (right, near), "below", 1, number(right - left)),
+        ((0, -y), (0, y), "left", 0, number(2 * y)),
+        ((right, near), (0, back), "right", 0, number(back - near)),
+    ]
+    side.dims += [
+        ((-x, low), (-x, low + lengths.rim), "left", 0, number(lengths.rim)),
+        ((x, low), (0, s.bottom), "right", 0, number(bench_parts.PAD)),
+    ]
+    notes = [f"stand: 3 holes Ø{number(bench_parts.TAPPED)}, in which nylon screws M3 x {lengths.length} cut threads"]
+    columns = [[side, above]]
+    if plan:
+        fixture = bench_parts.fixture(plan, mold.printing, cell)
+        columns.append(_fixture_views(fixture, min((y for _, y in plan.screws), default=0.0), solids))
+        notes.append(f"fixture: holes M{number(fixture.cell.thread)} of the load cell {fixture.cell.name}")
+        axis = f"axis {number(fixture.off)} off" if fixture.off else "axis over"
+        notes.append(f"two washers under each of them keep the cell clear; {axis} its middle")
+    return sheet("Bench", columns, notes, stamp(design, mold.printing))
+
+
+def _fixture_views(fixture: Fixture, front: float, solids: FabricatedSolids) -> list[View]:
+    """Return the section of base and fixture at y = `front`, and the fixture from above."""
+    side, above = View(f"Section y = {number(front)}: base on the fixture"), View("Fixture from above")
+    side.cut(solids.sensor["base"], "rigid", y=front)
+    side.cut(solids.bench["fixture"], "lid", y=front)
+    above.projection(solids.bench["fixture"])
+    low, (x, y) = fixture.top - bench_parts.PLATE, fixture.holes[0]
+    side.dims += [
+        ((fixture.right, low), (fixture.right, fixture.top), "right", 0, number(bench_parts.PLATE)),
+        ((0, low), (fixture.right, low), "below", 0, number(fixture.right)),
+    ]
+    above.dims += [((0, 0), (x, y), "below", 0, number(x))]
+    above.dims += [((fixture.left, -fixture.half), (fixture.left, fixture.half), "left", 0, number(2 * fixture.half))]
+    if (second := fixture.holes[1]) and second[1] != y:
+        above.dims.append(((x, second[1]), (x, y), "right", 0, number(abs(y - second[1]))))
+    else:
+        above.dims.append(((second[0], y), (x, y), "above", 0, number(abs(x - second[0]))))
+    for view in (side, above):
+        add_axis(view)
+    return [side, above]
 
 
 def _outline(plan: Plan, level: int) -> list[Dimension]:

@@ -32,7 +32,19 @@ NUT = 2.0
 SYRINGE = 10.0
 """Volume of a syringe, mL."""
 PRICE = ("price_low", "price_high", "currency", "price_date", "price_source")
-PRINTED = ("base", "mold_a", "mold_b", "mold_b1", "mold_b2", "jig", "jig_plunger", "jig_bar", "jig_gauge")
+PRINTED = (
+    "base",
+    "mold_a",
+    "mold_b",
+    "mold_b1",
+    "mold_b2",
+    "jig",
+    "jig_plunger",
+    "jig_bar",
+    "jig_gauge",
+    "stand",
+    "fixture",
+)
 
 
 def board_of(design: Design, plan: Plan | None) -> Board | None:
@@ -48,7 +60,8 @@ def printed_volumes(design: Design, choices: FabricationChoices) -> dict[str, fl
     from studies.fabrication.sensor_solids import make_solids
 
     solids = make_solids(design, choices)
-    return {name: part.volume for name, part in (solids.sensor | solids.mold | solids.jig).items() if name in PRINTED}
+    parts = solids.sensor | solids.mold | solids.jig | solids.bench
+    return {name: part.volume for name, part in parts.items() if name in PRINTED}
 
 
 def rows(
@@ -138,6 +151,7 @@ def _board(
 def _screws(
     design: Design, choices: FabricationChoices, plan: Plan | None, board: Board | None, sensors: int
 ) -> Iterator[FlatRow]:
+    thread = ""
     if plan and plan.screw:
         thick = board.thickness if board else max(circuit_board.THICKNESSES)
         length = screw_length(plan.thickness + plan.recess + thick + NUT)
@@ -145,13 +159,21 @@ def _screws(
         note = "brass, nylon or titanium: steel changes the field"
         yield _row("screws", f"{thread} x {length} mm", 4 * sensors, note=note)
         yield _row("screws", f"nut {thread}", 4 * sensors, note=note)
-    recipe = casting_recipe.recipe_of(design, choices)
+    recipe = casting_recipe.recipe_of(design, choices, plan)
     lid = recipe["lid_screws"]
     kind = f"countersunk screw {lid['thread']} x {lid['length_mm']:g} mm of nylon, with nut and washer"
     yield _row("mould", kind, lid["count"], note="holds A down")
     if jig := recipe["jig"]:
         kind = f"countersunk screw {lid['thread']} x {jig['screw_mm']:g} mm of nylon, with nut and washer"
         yield _row("mould", kind, lid["count"], note="clamps the jig and its bar")
+    yield _row("bench", f"screw M3 x {recipe['stand']['screw_mm']:g} mm of nylon", 3, note="levels the stand")
+    if fixture := recipe["fixture"]:
+        yield _row("bench", f"load cell {fixture['cell']}", 1, note="its capacity must exceed the largest press")
+        kind = f"countersunk screw {fixture['cell_thread']} x {fixture['cell_screw_mm']:g} mm, and two washers"
+        yield _row("bench", kind, fixture["cell_screws"], note="fixture on the load cell")
+        if fixture["screw_mm"]:
+            kind = f"countersunk screw {thread} x {fixture['screw_mm']:g} mm, with nut"
+            yield _row("bench", kind, len(plan.screws) if plan else 4, note="base on the fixture; not of steel")
     if pins := recipe["dowels"]:
         yield _row("mould", f"dowel pin {pins['diameter_mm']:g} x {pins['length_mm']:g} mm", pins["count"])
     if screws := recipe["screws"]:
@@ -171,7 +193,8 @@ def _prints(choices: FabricationChoices, volumes: Mapping[str, float], sensors: 
             yield _row("print", f"{name} of resin", round(count * volume / 1e3, 2), "mL", "without supports")
             continue
         low, high = (count * volume / 1e3 * rate for rate in PRINT_TIME)
-        time = f"about {_rounded(low)} to {_rounded(high)} min: {PRINT_TIME[0]:g} to {PRINT_TIME[1]:g} min a cm³"
+        span = " to ".join(dict.fromkeys((_rounded(low), _rounded(high))))
+        time = f"about {span} min: {PRINT_TIME[0]:g} to {PRINT_TIME[1]:g} min a cm³"
         grams = round(count * volume * FILAMENT, 1)
         yield _row("print", f"{name} of filament", grams, "g", f"solid PLA; {time} at layers of 0.1 mm")
 

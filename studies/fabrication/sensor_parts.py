@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from geometry import base, mold
 from geometry.bad_input import MeshError
 from geometry.design import Design
-from geometry.fabrication import magnet_jig
+from geometry.fabrication import bench_parts, magnet_jig
 from geometry.messages import Progress
 from studies.fabrication import casting_recipe, parts_list
 from studies.fabrication.sensor_solids import (
@@ -77,6 +77,8 @@ def build(
     # impossible choices are refused before the folder is made and the CAD kernel is loaded
     mold.sizes(design, choices.mold)
     magnet_jig.planned(design, choices.mold)
+    if choices.base.cell:
+        bench_parts.load_cell(choices.base.cell)
     if choices.base != base.Base():
         base.plan(design, choices.base, choices.mold.process)
     facet_tolerance(design, choices)
@@ -87,7 +89,9 @@ def build(
         progress(0.0, "solids and mould")
         console.load("build123d", "trimesh")
         solids = make_solids(design, choices)
-        known = design_summary.outer_size(design, solids.plan) | {"recipe": casting_recipe.recipe_of(design, choices)}
+        known = design_summary.outer_size(design, solids.plan) | {
+            "recipe": casting_recipe.recipe_of(design, choices, solids.plan)
+        }
         row = fabricated("ok", "", folder, known)
         row["warnings"] += [*design.warnings(), *warnings(design, choices, solids)]
         gap = None
@@ -169,6 +173,7 @@ def names() -> list[str]:
         "base.svg",
         "mold.svg",
         "jig.svg",
+        "bench.svg",
         BOARD,
         PLATE,
         parts_list.FILE,
@@ -184,7 +189,7 @@ def left_over(folder: Path, stage: Path) -> list[str]:
 def run_checks(
     design: Design, choices: FabricationChoices, solids: FabricatedSolids, shapes: Mapping[str, tuple[Solid, Any]]
 ) -> list[Check]:
-    """Return all checks of mould, base, jig and printing."""
+    """Return all checks of mould, base, jig, stand, fixture and printing."""
     from geometry import base
     from geometry.fabrication import mold_solids
 
@@ -195,7 +200,12 @@ def run_checks(
     if solids.jig:
         lengths = magnet_jig.lengths(design, choices.mold)
         checks += magnet_jig.checks(design, choices.mold, lengths, solids.jig, solids.B)
-    for name in ("base", *solids.mold, *solids.jig):
+    s = mold.sizes(design, choices.mold)
+    checks += bench_parts.stand_checks(s, bench_parts.stand(s), solids.bench["stand"], solids.B)
+    if solids.plan:
+        fixture = bench_parts.fixture(solids.plan, choices.mold.printing, choices.base.cell)
+        checks += bench_parts.fixture_checks(solids.plan, fixture, solids.bench["fixture"], solids.sensor["base"])
+    for name in ("base", *solids.mold, *solids.jig, *solids.bench):
         if name in shapes:
             checks += mold_solids.printable(name, shapes[name][1], choices.mold.printing)
     return checks
@@ -229,6 +239,8 @@ def _write(
         lengths = magnet_jig.lengths(design, choices.mold)
         text = part_drawings.jig_sheet(design, choices.mold, s, lengths, solids.jig, solids.B)
         atomic_files.write_text(stage / "jig.svg", text)
+    bench = part_drawings.bench_sheet(design, choices.mold, s, solids.plan, choices.base.cell, solids)
+    atomic_files.write_text(stage / "bench.svg", bench)
     if solids.plan:
         (stage / "assembly.step").write_bytes(
             solid_files.step(solid_files.assembly("sensor", coloured_parts(solids)))

@@ -33,6 +33,8 @@ COLOURS = {
     "jig_plunger": "peru",
     "jig_bar": "rosybrown",
     "jig_gauge": "khaki",
+    "stand": "thistle",
+    "fixture": "lightsalmon",
 }
 """Colours of the parts in STEP and 3MF files and in the picture; Hall elements have `HALL_ELEMENT_COLOUR`."""
 
@@ -72,6 +74,7 @@ class FabricatedSolids:
     plan : plan of the base; None if the elements do not fit into the base, and then `missing` gives the reason.
     mold : mold_a, and mold_b or its halves mold_b1 and mold_b2, closed, in the mould's frame.
     A, B : upper and lower part of the mould; B is not split.
+    bench : stand, under B in the mould's frame, and fixture, under the base in the sensor's.
     jig : jig (part C), jig_plunger and jig_bar in the mould's frame, the plunger on the axis, and jig_gauge as it is
         printed; empty without a jig, and then `no_jig` gives the reason if one was wanted.
     """
@@ -85,6 +88,7 @@ class FabricatedSolids:
     B: Solid
     jig: dict[str, Solid]
     no_jig: str
+    bench: dict[str, Solid]
 
 
 def parse_fabrication_choices(
@@ -122,8 +126,8 @@ def make_solids(design: Design, choices: FabricationChoices) -> FabricatedSolids
     BadInput
         The mould or the base cannot be built for this design.
     """
-    from geometry import base, cad
-    from geometry.fabrication import hall_elements, magnet_jig, mold_solids
+    from geometry import base, cad, mold
+    from geometry.fabrication import bench_parts, hall_elements, magnet_jig, mold_solids
 
     beam = cad.beam(design)
     sensor = {"beam": beam, "silicone": beam}
@@ -144,7 +148,8 @@ def make_solids(design: Design, choices: FabricationChoices) -> FabricatedSolids
     halves = mold_solids.halves(design, choices.mold, B) if choices.mold.split else {"mold_b": B}
     lengths, no_jig = magnet_jig.planned(design, choices.mold)
     jig = magnet_jig.solids(design, choices.mold, lengths) if lengths else {}
-    return FabricatedSolids(sensor, bodies, plan, missing, {"mold_a": A, **halves}, A, B, jig, no_jig)
+    bench = bench_parts.solids(mold.sizes(design, choices.mold), plan, choices.mold, choices.base.cell)
+    return FabricatedSolids(sensor, bodies, plan, missing, {"mold_a": A, **halves}, A, B, jig, no_jig, bench)
 
 
 def coloured_parts(solids: FabricatedSolids) -> dict[str, tuple[Solid, str]]:
@@ -217,7 +222,7 @@ def triangulated_parts(
     parts = {name: part for name, part in solids.sensor.items() if name != "base"}
     parts |= {"base": standing(solids.sensor["base"])} if solids.plan else {}
     turned = ("mold_a", "jig", "jig_plunger")
-    printed = solids.mold | solids.jig
+    printed = solids.mold | solids.jig | solids.bench
     parts |= {name: standing(part, upside_down=name in turned) for name, part in printed.items()}
     tolerance = facet_tolerance(design, choices)
     return {name: (part, solid_files.facets(name, part, tolerance)) for name, part in parts.items()}
