@@ -57,11 +57,12 @@ setup: .venv/ready
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[fast,cluster,test]'
 	touch $@
 
-# the site, in out/docs: tutorials are run for their pictures, and must print what they show; a warning is an error, and
+# the site, in out/docs and for `magtip help`: tutorials are run for their pictures, and must print what they show; a warning is an error, and
 # a link that leads nowhere is a warning
 docs: .venv/docs
 	$(BIN)/python docs/documented_commands.py out/tutorials
 	$(BIN)/sphinx-build -E -W --keep-going -q -c docs . out/docs
+	mkdir -p .venv/share/doc && ln -sfn "$(CURDIR)/out/docs" .venv/share/doc/magtip
 	@echo "open out/docs/index.html"
 
 .venv/docs: .venv/ready

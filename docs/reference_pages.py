@@ -22,8 +22,9 @@ from studies.quantities import QUANTITIES, UNITS
 
 DOCS = Path(__file__).resolve().parent
 FOLDER = DOCS / "reference"
-PAGES = ("design", "load", "python", "quantities", "requirements", "tasks", "verbs")
-"""Names of the pages, each with its template."""
+VERBS = [verb for verb in app if not verb.startswith("-")]
+PAGES = ["design", "load", "python", "quantities", "requirements", "verbs", *(f"verb/{verb}" for verb in VERBS)]
+"""Names of the pages, each with its template; those of verbs share one."""
 DRAWINGS = {"sensor.svg": symbol_drawings.lengths, "loads.svg": symbol_drawings.loads}
 TASK = re.compile(r"^\| ([^|]+) \| `(magtip \w[^|]*)` \|$", re.M)
 
@@ -36,12 +37,13 @@ def page(name: str) -> str:
     """Return the text of a page of the reference, in Markdown."""
     loader = jinja2.FileSystemLoader(DOCS / "templates")
     templates = jinja2.Environment(loader=loader, trim_blocks=True, undefined=jinja2.StrictUndefined)
-    return templates.get_template(f"{name}.md.j2").render(**VALUES[name]())
+    kind, _, verb = name.partition("/")
+    return templates.get_template(f"{kind}.md.j2").render(**(of_verb(verb) if verb else VALUES[name]()))
 
 
 def write() -> None:
     """Write all pages and drawings; files that stay the same are not touched."""
-    FOLDER.mkdir(exist_ok=True)
+    FOLDER.joinpath("verb").mkdir(parents=True, exist_ok=True)
     texts = {FOLDER / f"{name}.md": functools.partial(page, name) for name in PAGES}
     texts |= {DOCS / name: functools.partial(draw, paper()) for name, draw in DRAWINGS.items()}
     for path, make in texts.items():
@@ -81,13 +83,22 @@ def within(about: dict) -> str:
     return "; ".join(filter(None, parts))
 
 
-def tasks() -> dict[str, object]:
-    """Return the rows of the table of verbs, by their verb."""
-    found: dict[str, list[tuple[str, str]]] = {}
-    for to, command in TASK.findall((DOCS.parent / "studies" / "README.md").read_text("utf-8")):
-        here = re.sub(r"\]\((?!http)([^)]+)\)", r"](../../studies/\1)", to)
-        found.setdefault(command.split()[1], []).append((here, command))
-    return {"tasks": found}
+@functools.cache
+def helps() -> dict[str, str]:
+    """Return the help of each verb as Markdown, and under "" the list of verbs."""
+    texts = re.split(r"^## magtip (\w+)$", app.generate_docs().partition("**Design**:")[2], flags=re.M)
+    listed = "**Design**:" + re.sub(r"\(#magtip-(\w+)\)", r"(verb/\1.md)", texts[0])
+    return {"": listed} | dict(zip(texts[1::2], texts[2::2], strict=True))
+
+
+def of_verb(verb: str) -> dict[str, object]:
+    """Return the help of a verb, and its rows in the table of verbs."""
+    rows = TASK.findall((DOCS.parent / "studies" / "README.md").read_text("utf-8"))
+    rows = [(to, command) for to, command in rows if command.split()[1] == verb]
+    here = [(re.sub(r"\]\((?!http)([^)]+)\)", r"](../../../studies/\1)", to), command) for to, command in rows]
+    text = re.sub(r"^###", "##", helps()[verb], flags=re.M)
+    intro, options = re.split(r"^(?=\*\*Arguments|\*\*Parameters|## )", text, maxsplit=1, flags=re.M)
+    return {"verb": verb, "intro": intro.strip(), "options": options, "tasks": here}
 
 
 VALUES = {
@@ -96,7 +107,6 @@ VALUES = {
     "python": lambda: {"names": {name: isinstance(getattr(magtip, name), type) for name in magtip.__all__}},
     "quantities": lambda: {"quantities": QUANTITIES.values(), "units": UNITS},
     "requirements": lambda: {"fields": fields(Requirements)},
-    "tasks": tasks,
-    "verbs": lambda: {"text": app.generate_docs().partition("**Design**:")[2]},
+    "verbs": lambda: {"text": helps()[""], "verbs": VERBS},
 }
 """What each template shows."""

@@ -8,12 +8,13 @@ import shlex
 import signal
 import subprocess
 import sys
+import webbrowser
 from pathlib import Path
 
 import pytest
 from test_layers import HEAVY
 
-from studies.cli import commands
+from studies.cli import commands, exploration_commands
 from studies.cli.commands import _joined, app
 from studies.cli.parameters import LEFT_OUT, command
 from studies.output import atomic_files
@@ -220,7 +221,7 @@ ORDER = """
     Design: design cad board mesh catalogue size
     Simulation: solve converge analytic stability modes compare response cycle fit
     Sensing: field readings bench calibrate decode stream firmware table layout disturb array
-    Exploration: sweep sensitivity demo report explore store
+    Exploration: sweep sensitivity demo report explore help store
     Validation: validate
     Options: --help --version
 """
@@ -242,6 +243,23 @@ def test_without_a_verb_the_list_is_followed_by_five_commands_to_try(run):
         callable(app.parse_args(shlex.split(line), exit_on_error=False, print_error=False)[0]) for line in lines
     )
     assert max(map(len, tries.splitlines())) <= 80
+
+
+def test_help_prints_what_the_option_prints_and_opens_the_page_where_the_site_is(run, tmp_path, monkeypatch):
+    assert run("help") == run("--help")
+    assert run("help", "store") == run("store", "--help")
+    unknown = run("help", "solv")
+    assert (unknown[0], unknown[2]) == (2, run("solv")[2])
+    page = tmp_path / "docs" / "reference" / "verb" / "modes.html"
+    page.parent.mkdir(parents=True)
+    page.touch()
+    monkeypatch.setattr(exploration_commands, "SITE", tmp_path)
+    opened = []
+    monkeypatch.setattr(webbrowser, "open", lambda address: opened.append(address) or len(opened) == 1)
+    assert run("help", "modes") == (0, f"{page}\n", "")
+    assert opened == [page.as_uri()]
+    # no browser
+    assert run("help", "modes") == run("modes", "--help")
 
 
 def test_validate_lists_its_studies(run):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import sys
 import tempfile
 from collections.abc import Mapping
 from dataclasses import replace
@@ -296,3 +297,28 @@ def _open(address: str, file: Path) -> None:
         console.note("If your browser shows no sensor, open the address in it.")
     else:
         console.note("No browser was found: open the address in one.")
+
+
+SITE = Path(sys.prefix, "share", "doc", "magtip")
+"""Where `make docs` installs the site."""
+
+
+@verb()
+def help(
+    call: Call,
+    name: Annotated[str | None, Parameter(name="VERB", help="Verb; without one, all are listed.")] = None,
+    /,
+) -> int:
+    """Open the page of a verb, with its picture and commands, in the browser; without the site, print its help.
+
+    The site is there once make docs has built it.
+    """
+    import webbrowser
+
+    from studies.cli import commands
+
+    page = SITE / "docs" / "reference" / "verb" / f"{name}.html"
+    if name and name in commands.app and page.exists() and webbrowser.open(page.as_uri()):
+        print(page)
+        return GOOD
+    return commands.run([*filter(None, [name]), "--help"])
