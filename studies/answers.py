@@ -30,7 +30,7 @@ from studies.inputs import study_input
 from studies.mechanics.model import Model
 from studies.mechanics.study_cases import Columns, Plan
 from studies.models import kind_of, kinds
-from studies.quantities import QUANTITIES, Part, Quantity, reading_parts
+from studies.quantities import QUANTITIES, Part, Quantity, estimate_column, reading_parts
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -167,7 +167,7 @@ class SweepColumns:
         single model that has some it stands without the model's name.
         """
         several = sum(self.kind(each).states_errors for each in self.models) > 1
-        return f"{self.models[model] if several else ''}{'' if name == 'force' else f'{name}_'}error_estimate"
+        return f"{self.models[model] if several else ''}{estimate_column(name)}"
 
     def error_prefix(self, model: str) -> str:
         """Return the first part of an error's column: none if the study has one model besides the reference."""

@@ -86,6 +86,15 @@ def shown(value: Any, unit: str = "1", digits: int = 3, nothing: str = "-") -> s
     return text + symbol
 
 
+def estimate_column(name: str) -> str:
+    """Return the column of an estimated error: that of the force, which all models with errors state, has no name.
+
+    >>> estimate_column("force"), estimate_column("shift")
+    ('error_estimate', 'shift_error_estimate')
+    """
+    return "error_estimate" if name == "force" else f"{name}_error_estimate"
+
+
 @dataclass(frozen=True, slots=True)
 class Part:
     """A number of a quantity, with a column for each model.
@@ -134,8 +143,7 @@ class Part:
     @property
     def estimate_column(self) -> str:
         """Name of the column of its estimated error, behind that of the model."""
-        of = self.name if self.stored else self.estimate
-        return "error_estimate" if of == "force" else f"{of}_error_estimate"
+        return estimate_column(self.name if self.stored else self.estimate)
 
     @property
     def error_column(self) -> str:

@@ -111,7 +111,6 @@ class Choice:
     tolerance : that is asked for; NaN if none is.
     """
 
-    model_kind: Literal["formula", "surrogate", "fem"]
     level_or_accuracy: str
     model: str
     bound: float
@@ -139,7 +138,6 @@ class Region:
     beyond: str = ""
 
 
-KINDS: dict[str, Literal["formula", "surrogate"]] = {"formula": "formula", SURROGATE: "surrogate"}
 Bound = tuple[float, float]
 """Largest bound of the errors under a load, and that of the force along the shear as in `Statement`."""
 
@@ -324,7 +322,7 @@ def _choices(
         designs = max(each.designs for each in known)
         if kind == "friction" and designs:
             reason += f"; Coulomb friction was studied on {designs} designs only"
-        return [Choice(KINDS.get(model, "fem"), level, model, largest, reason, sideways)]
+        return [Choice(level, model, largest, reason, sideways)]
 
     if formulas:
         # all formulas take milliseconds: of these the most accurate one counts

@@ -111,7 +111,7 @@ class Tolerance(Model):
             return impossible(str(error))
 
         def unmet(answer: Answer | Place, choice: Choice) -> str:
-            if isinstance(answer, Place) or choice.model_kind != "fem":
+            if isinstance(answer, Place) or not model_of(choice).solves:
                 return ""
             if answer.response is None or answer.status not in ANSWERED:
                 return ""
@@ -129,7 +129,7 @@ class Tolerance(Model):
         if isinstance(answer, Place):
             return answer
         columns = {"chosen_model": choice.name, "expected_error": choice.bound}
-        if choice.model_kind == "formula":
+        if model_of(choice).decodes:
             return replace(answer, error_estimate=choice.bound, columns=columns)
         if reason := unmet(answer, choice):
             said = "; ".join(filter(None, (answer.message, reason)))
@@ -148,8 +148,8 @@ class Tolerance(Model):
 
 def model_of(choice: Choice) -> Model:
     """Return the model that is chosen."""
-    if choice.model_kind == "formula":
+    if choice.model == "formula":
         return Formula(choice.level_or_accuracy)
-    if choice.model_kind == "surrogate":
+    if choice.model in Surrogate.names:
         return Surrogate(choice.model)
     return FemModel(choice.name, LEVELS[choice.level_or_accuracy])

@@ -9,6 +9,7 @@ import numpy as np
 
 from geometry.loads import ANSWERED
 from studies.output.figures import FREE, SHADES, Figure, bands, long, numbers, panels, styles
+from studies.simulation.comparison_rows import PARTS
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -30,9 +31,9 @@ def press(table: pd.DataFrame) -> list[Figure]:
     """Return force, its error, sinking and readings over the depth of a press."""
     x = ("depth_mm", "depth (mm)")
     return [
-        _models(table, "Press force", x, "force_N", "press force (N)", _force_sentence(table)),
+        _models(table, "Press force", x, "force", _force_sentence(table)),
         _errors(table, "Error of the paper's press force", x, "force_error_percent"),
-        _models(table, "Sinking of the magnet", x, "shift_z_mm", "vertical motion of the magnet (mm)"),
+        _models(table, "Sinking of the magnet", x, "shift_z"),
         _readings(table, "Outputs of the Hall elements in the press", x),
     ]
 
@@ -42,10 +43,10 @@ def shear(table: pd.DataFrame) -> list[Figure]:
     x = ("shear_mm", "shear of the plate (mm)")
     depth = next((f" at a depth of {value:.3g} mm" for value in numbers(table, "depth_mm")), "")
     return [
-        _models(table, f"Force along the shear{depth}", x, "force_x_N", "force along the shear (N)"),
+        _models(table, f"Force along the shear{depth}", x, "force_x"),
         _errors(table, "Error of the paper's shear force", x, "force_x_error_percent"),
-        _models(table, "Sideways motion of the magnet", x, "shift_x_mm", "sideways motion (mm)"),
-        _models(table, "Tilt of the magnet", x, "tilt_rad", "tilt (rad)"),
+        _models(table, "Sideways motion of the magnet", x, "shift_x"),
+        _models(table, "Tilt of the magnet", x, "tilt"),
         _readings(table, "Outputs of the Hall elements in the shear", x),
     ]
 
@@ -73,12 +74,11 @@ def states(table: pd.DataFrame) -> list[Figure]:
     return figures
 
 
-def _models(
-    table: pd.DataFrame, title: str, x: tuple[str, str], quantity: str, label: str, caption: str = ""
-) -> Figure:
+def _models(table: pd.DataFrame, title: str, x: tuple[str, str], part: str, caption: str = "") -> Figure:
     import altair as alt
 
-    data = long(table, x, label, {f"{prefix}_{quantity}": name for prefix, name in NAMES.items()})
+    label = PARTS[part].title
+    data = long(table, x, label, {f"{prefix}_{PARTS[part].column}": name for prefix, name in NAMES.items()})
     chart = alt.Chart(data).mark_line(point=True).encode(x=x[1], y=label, **styles(NAMES.values()))
     return Figure(title, caption or _last_sentence(data, x[1], label), chart, data)
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 import contextlib
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -23,6 +24,7 @@ from geometry.design import BadInput, Design
 from geometry.loads import ANSWERED, Load, rotation_of
 from studies.answers import percents
 from studies.output import page_templates
+from studies.quantities import QUANTITIES
 from studies.sensing.field_readings import columns
 
 if TYPE_CHECKING:
@@ -33,17 +35,13 @@ NAN = math.nan
 Figures = dict[str, Any]
 """Figures of a comparison under their names in JSON, which carry those of the Hall elements."""
 Kind = Literal["press", "shear"]
-QUANTITIES: dict[Kind, dict[str, str]] = {
-    "press": {"force_N": "force", "shift_z_mm": "shift", "contact_radius_mm": "contact_radius"},
-    "shear": {
-        "force_x_N": "force_x",
-        "force_z_N": "force_z",
-        "shift_x_mm": "shift_x",
-        "shift_z_mm": "",
-        "tilt_rad": "",
-    },
+PARTS = {part.name: part for name in ("force", "shift", "tilt", "contact_radius") for part in QUANTITIES[name].parts}
+"""Numbers of a response by their names."""
+COMPARED: dict[Kind, dict[str, bool]] = {
+    "press": {"force": True, "shift_z": True, "contact_radius": True},
+    "shear": {"force_x": True, "force": True, "shift_x": True, "shift_z": False, "tilt": False},
 }
-"""Columns of quantities behind the model's prefix, and the names of their errors, "" for none."""
+"""Numbers that are compared, and whether errors are stated; in a shear the press force is `force_z`."""
 
 
 def table(kind: Kind, design: Design, answers: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
@@ -56,14 +54,16 @@ def table(kind: Kind, design: Design, answers: Mapping[str, pd.DataFrame]) -> pd
 
     fem, bare, formula = (answers[name] for name in ("fem", "fem_homogeneous", "analytic"))
     found = {name: fem[name] for name in ("shear_mm", "depth_mm")[kind == "press" :]}
-    for column, error in QUANTITIES[kind].items():
-        values = {name: frame[column.replace("force_z", "force")] for name, frame in answers.items()}
-        found |= {f"{name}_{column}": value for name, value in values.items()}
-        for prefix, truth in (("", "fem"), ("homogeneous_", "fem_homogeneous")) if error else ():
+    for name, is_judged in COMPARED[kind].items():
+        part = PARTS[name]
+        values = {model: frame[part.column] for model, frame in answers.items()}
+        part = replace(part, name="force_z") if (kind, name) == ("shear", "force") else part
+        found |= {f"{model}_{part.column}": value for model, value in values.items()}
+        for prefix, truth in (("", "fem"), ("homogeneous_", "fem_homogeneous")) if is_judged else ():
             # without a shear, what there is along x is the solver's rounding; a beam that gave way resists none
-            resists = answers[truth]["force_x_N"] * fem["shear_mm"] > 0 if error.endswith("_x") else True
+            resists = answers[truth]["force_x_N"] * fem["shear_mm"] > 0 if part.along_shear else True
             percentage = percents(values["analytic"].to_numpy(), values[truth].to_numpy())
-            found[f"{prefix}{error}_error_percent"] = np.where(resists, percentage, NAN)
+            found[f"{prefix}{part.error_column}"] = np.where(resists, percentage, NAN)
     found |= _reading_columns(kind, design, fem, formula)
     for column in ("error_estimate", "sideways_error_estimate")[: 1 + (kind == "shear")]:
         found |= {column: fem[column], f"homogeneous_{column}": bare[column]}

@@ -9,6 +9,8 @@ since the start of the path. `digest` and `made_for` label the sensor, so that a
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,10 +19,11 @@ from geometry import design_digest
 from geometry.design import REFERENCE_TEMPERATURE, modulus_at
 from geometry.design_digest import Fields
 from geometry.loads import Load, Response
+from studies.answers import STATED
 from studies.inputs import study_input
 from studies.inputs.study_input import OF_STATES
 from studies.output.records import FlatRow
-from studies.quantities import derived_columns, response_columns, stored_parts
+from studies.quantities import derived_columns, estimate_column, response_columns, stored_parts
 
 if TYPE_CHECKING:
     from analytic.hall import Readings
@@ -44,28 +47,21 @@ FACTS = (
 """Columns of what the message puts in words (see `fem.solution.Facts`); None for a fact that is unknown. The onset is
 the interval of the depth, or of the shear, whichever grew, in which the path became unstable."""
 
-ERRORS = {"error_estimate": "force"} | {f"{name}_error_estimate": name for name in ("shift", "tilt", "sideways")}
-"""Columns of error estimates of force and pose, and the quantities that they are of."""
-MORE_ERRORS = {
-    "contact_radius_error_estimate": "contact_radius",
-    "dissipated_error_estimate": "dissipated",
-    "slip_share_error_estimate": "slip_share",
-    "crease_ratio_error_estimate": "crease",
-    "depth_error_estimate": "depth",
-    "shear_error_estimate": "shear",
+ESTIMATED = {
+    "force": "force_N",
+    "shift": "shift_mm",
+    "tilt": "rotation_rad",
+    "sideways": "",
+    "contact_radius": "contact_radius_mm",
+    "dissipated": "dissipated_mJ",
+    "slip_share": "slip_share",
+    "crease_ratio": "crease_ratio",
+    "depth": "",
+    "shear": "",
 }
-"""Columns of those of other numbers, which only finite elements have: relative, but for the share that slips, whose
-error is absolute. Those of depth and shear are of motions that wanted forces have led to."""
-NUMBERS = {
-    "error_estimate": "force_N",
-    "shift_error_estimate": "shift_mm",
-    "tilt_error_estimate": "rotation_rad",
-    "contact_radius_error_estimate": "contact_radius_mm",
-    "dissipated_error_estimate": "dissipated_mJ",
-    "slip_share_error_estimate": "slip_share",
-    "crease_ratio_error_estimate": "crease_ratio",
-}
-"""Columns of error estimates, and those of the numbers that they are of, beside `stored_columns`."""
+"""Names of estimated errors, and the columns of the numbers that they are of, beside those of `stored_columns`. They
+are relative, but for the share that slips. Models with errors state those of `STATED`; those of depth and shear are
+of motions that wanted forces have led to."""
 
 
 def state_row(load: Load, response: Response | None, model: str, made_for: Fields, **known: Any) -> FlatRow:
@@ -83,13 +79,12 @@ def state_row(load: Load, response: Response | None, model: str, made_for: Field
         "slip_share": None,
         "dissipated_mJ": None,
         "contact_radius_from": None,
-        **dict.fromkeys(ERRORS),
-        **dict.fromkeys(MORE_ERRORS),
+        **{estimate_column(name): None for name in ESTIMATED},
         "dofs": 0,
         "newton_iterations": 0,
         "seconds": 0.0,
         **dict.fromkeys(FACTS),
-        **stored_columns(None, 1.0, 1.0),
+        **stored_columns({}, {}, 1.0, 1.0),
     }
     return _with_derived(row | known, load, response, made_for)
 
@@ -97,6 +92,7 @@ def state_row(load: Load, response: Response | None, model: str, made_for: Field
 def solved_row(state: Solution, made_for: Fields) -> FlatRow:
     """Return the row of a state by finite elements."""
     E = modulus_at(made_for["E_MPa"], made_for.get("temperature_degC", REFERENCE_TEMPERATURE))
+    facts, estimates = asdict(state.facts), asdict(state.estimates)
     return state_row(
         state.load,
         state.response,
@@ -107,12 +103,12 @@ def solved_row(state: Solution, made_for: Fields) -> FlatRow:
         slip_share=state.slip_share,
         dissipated_mJ=state.dissipated,
         contact_radius_from=state.radius_from,
-        **{column: getattr(state.estimates, name) for column, name in (ERRORS | MORE_ERRORS).items()},
+        **{estimate_column(name): estimates[name.removesuffix("_ratio")] for name in ESTIMATED},
         dofs=state.dofs,
         newton_iterations=state.newton_iterations,
         seconds=state.seconds,
         **_fact_columns(state.facts),
-        **stored_columns(state, E, float(made_for["D_mm"])),
+        **stored_columns(facts, estimates, E, float(made_for["D_mm"])),
     )
 
 
@@ -121,21 +117,16 @@ def answered_row(load: Load, answer: Answer, model: str, made_for: Fields, secon
     widths of its 90 % intervals.
     """
     force = None if math.isnan(answer.error_estimate) else answer.error_estimate
-    estimates = {**answer.estimates, "force": force}
-    stored = {
-        part.column: part.scaled(answer.values[part.stored], answer.E, answer.D)
-        for part in stored_parts()
-        if part.stored in answer.values
-    }
+    estimates: FlatRow = {**answer.estimates, "force": force}
     return state_row(
         load,
         answer.response,
         model,
         made_for,
         message=answer.message,
-        **{column: estimates.get(name) for column, name in ERRORS.items()},
+        **{estimate_column(name): estimates.get(name) for name in STATED},
         seconds=seconds,
-        **stored,
+        **stored_columns(answer.values, {}, answer.E, answer.D),
     )
 
 
@@ -209,18 +200,22 @@ def _fact_columns(facts: Facts) -> FlatRow:
     }
 
 
-def stored_columns(state: Solution | None, E: float, D: float) -> FlatRow:
-    """Return the columns of what a state of a sensor with this E, MPa, and D, mm, holds beside its response."""
+def stored_columns(values: Mapping[str, Any], estimates: Mapping[str, Any], E: float, D: float) -> FlatRow:
+    """Return the columns of what a state of a sensor with this E, MPa, and D, mm, holds beside its response.
+
+    values, estimates : by their names in `fem.solution.Facts` and `Estimates`; one that is missing is unknown.
+    """
     row: FlatRow = {}
     for part in stored_parts():
         for column, name in ((part.column, part.stored), (f"{part.column}_half_width", part.half_width)):
-            value = getattr(state.facts, name) if state and name else None
+            value = values.get(name)
             row |= {column: None if value is None else part.scaled(float(value), E, D)} if name else {}
         if part.estimate:
-            row[part.estimate_column] = getattr(state.estimates, part.estimate) if state else None
+            row[part.estimate_column] = estimates.get(part.estimate)
     return row
 
 
 def estimated_numbers() -> dict[str, str]:
     """Return the columns of error estimates, and those of the numbers that they are of."""
-    return NUMBERS | {part.estimate_column: part.column for part in stored_parts() if part.estimate}
+    response = {estimate_column(name): number for name, number in ESTIMATED.items() if number}
+    return response | {part.estimate_column: part.column for part in stored_parts() if part.estimate}

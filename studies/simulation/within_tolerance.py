@@ -13,24 +13,23 @@ from geometry import design_digest
 from geometry.design import BadInput, Design
 from geometry.loads import ANSWERED, Load, Magnet
 from geometry.messages import Progress
+from studies.answers import STATED
 from studies.inputs.option_groups import Method, Wanted
 from studies.inputs.user_input import AccuracyName, parse_tolerance
 from studies.mechanics import model_choice
-from studies.mechanics.model import Problem
+from studies.mechanics.model import Model, Problem
 from studies.mechanics.model_choice import UNMET, Choice
 from studies.mechanics.path_solver import Answer
 from studies.mechanics.timed_quantities import STILL
+from studies.models.finite_elements import FemModel
 from studies.models.tolerance import model_of, until_met
 from studies.output import console
 from studies.output.records import FlatRow
-from studies.quantities import shown
+from studies.quantities import estimate_column, shown
 from studies.simulation import load_cases, state_rows
 
 if TYPE_CHECKING:
     from fem.analyses.force_targets import ForceTarget
-
-TITLES = {"formula": "Formulas", "surrogate": "Surrogate", "fem": "Finite elements"}
-"""Titles of tables by the kind of the chosen model."""
 
 
 def columns_of(choice: Choice) -> FlatRow:
@@ -40,8 +39,8 @@ def columns_of(choice: Choice) -> FlatRow:
 
 def say(choice: Choice) -> None:
     """Print on standard error which model is chosen, and why."""
-    names = {"formula": f"formulas of level {choice.level_or_accuracy}", "surrogate": "the surrogate"}
-    name = names.get(choice.model_kind, choice.name)
+    model = model_of(choice)
+    name = model.title(model.name)
     console.say(f"magtip: tolerance {shown(choice.tolerance, 'percent', 2)}: {name}, because {choice.reason}")
 
 
@@ -66,8 +65,9 @@ def run(
         "progress": progress,
         "targets": targets,
     }
+    model: type[Model] = FemModel
     if method.wanted.tolerance is None:
-        title, rows = TITLES["fem"], load_cases.solve(design, loads, method, **options)
+        rows = load_cases.solve(design, loads, method, **options)
     else:
         tolerance = check(method)
         if targets:
@@ -76,7 +76,8 @@ def run(
         formulas = not (targets or out or picture)
         choice = model_choice.choose(design, loads, tolerance, method.magnet, formulas=formulas)
         say(choice)
-        title, rows = TITLES[choice.model_kind], solve(design, loads, method, choice, **options)
+        model, rows = type(model_of(choice)), solve(design, loads, method, choice, **options)
+    title = model.title(model.head or model.names[0]).capitalize()
     return title, load_cases.with_targets(rows, targets) if targets else rows
 
 
@@ -109,7 +110,7 @@ def solve(design: Design, loads: list[Load], method: Method, choice: Choice, **o
     The rows of finite elements come when the whole path is solved, because its error estimates may require another
     one; `options` are those of `load_cases.solve`.
     """
-    if choice.model_kind != "fem":
+    if not model_of(choice).solves:
         for load in loads:
             yield _answered_row(design, load, method.magnet, choice) | columns_of(choice)
         return
@@ -153,7 +154,7 @@ def checked(row: FlatRow, force: Sequence[float] | None, design: Design, load: L
     if row["status"] not in ANSWERED or force is None:
         return row
     x, y = load.direction
-    estimates = {name: row[column] for column, name in state_rows.ERRORS.items()}
+    estimates = {name: row[estimate_column(name)] for name in STATED}
     reason = model_choice.unmet(choice, design, load, x * force[0] + y * force[1], estimates)
     return row | {"status": UNMET, "message": "; ".join(filter(None, (row["message"], reason)))} if reason else row
 
