@@ -22,6 +22,10 @@ from geometry.cad import Corner, beam_volume, magnet_volume, turned_volume
 from geometry.design import LEAST_WALL, BadInput, Design
 from geometry.fabrication.printability import PROCESSES, Process
 
+VISCOSITY, PRESS, CLOSING = 20.0, 20.0, 10.0
+"""Viscosity of a mixed silicone, Pa s (that of stiff casting silicones is 20 to 25), force of a hand that closes the
+mould, N, and the time in which the pins' surplus leaves by the vents, s."""
+
 LARGEST_VENT = 0.8
 """Largest diameter of a vent, as a fraction of the annulus between pin and cavity wall."""
 
@@ -74,7 +78,8 @@ class Mold:
     skirt : length of A's skirt below the base plane.
     fit : radial gap between skirt and B.
     pry_gap : least height of the slot between A's skirt and B's foot, where a blade lifts A.
-    vents, vent_diameter : number and diameter of the holes through the lid, midway between pin and cavity wall.
+    vents, vent_diameter : number and diameter of the holes through the lid, midway between pin and cavity wall;
+        default: 1 mm, or as much as lets the pin's surplus leave in time (`CLOSING`), half the annulus at most.
     tip_vent : diameter of a hole through the floor at the tip, 0 for none; it leaves a nub to cut off.
     columns, rows : number of cavities along x and along y.
     split : 1 for a B in two halves along a row (only with rows = 1).
@@ -266,7 +271,7 @@ def sizes(design: Design, mold: Mold) -> Sizes:
     # the skirt needs 5 mm, also in the mould of a small sensor
     free = max(L, 5.0)
     skirt = _skirt(mold, free)
-    vent, ring = _vents(mold, R - pin_top, pin_top)
+    vent, ring = _vents(mold, R - pin_top, pin_top, _flowing(mold, lid, R, math.pi * pin_top**2 * pin_depth))
     if not mold.tip_vent <= R:
         raise BadInput(f"tip_vent must not exceed the tip's radius = {R:g} mm; got {mold.tip_vent:g} mm")
     outer = R + wall
@@ -390,10 +395,23 @@ def _ears(
     )
 
 
-def _vents(mold: Mold, annulus: float, pin: float) -> tuple[float, float]:
-    """Return the diameter of the vents and the radius of the circle of their centres, mm."""
-    # half the annulus, but wide enough to print where the annulus has room for that
-    usual = max(min(1.0, 0.5 * annulus), min(mold.printing.detail, LARGEST_VENT * annulus))
+def _flowing(mold: Mold, lid: float, R: float, surplus: float) -> float:
+    """Return the diameter of vents through which the surplus of a cavity, mm³, leaves in time, by Hagen-Poiseuille.
+
+    A pipe of diameter d and length l lets pi d^4 p / (128 mu l) pass; a hand presses with p on all cavities.
+    """
+    pressure = PRESS / (mold.columns * mold.rows * math.pi * R**2)
+    # Pa s = 1e-6 N s/mm²
+    return float((128e-6 * VISCOSITY * lid * surplus / (math.pi * mold.vents * pressure * CLOSING)) ** 0.25)
+
+
+def _vents(mold: Mold, annulus: float, pin: float, flowing: float) -> tuple[float, float]:
+    """Return the diameter of the vents and the radius of the circle of their centres, mm.
+
+    flowing : diameter by which the surplus leaves in time.
+    """
+    # half the annulus at most, but wide enough to print where the annulus has room for that
+    usual = max(min(max(1.0, flowing), 0.5 * annulus), min(mold.printing.detail, LARGEST_VENT * annulus))
     vent = usual if mold.vent_diameter is None else mold.vent_diameter
     if not vent <= LARGEST_VENT * annulus:
         raise BadInput(

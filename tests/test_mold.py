@@ -6,7 +6,7 @@ import math
 import pytest
 
 from geometry import cad
-from geometry.design import BadInput, Design
+from geometry.design import BadInput, Design, preset
 from geometry.fabrication import solid_files
 from geometry.fabrication.engraved_marks import mold_marks
 from geometry.fabrication.mold_solids import checks, closed_mold, halves, printable
@@ -58,6 +58,17 @@ def test_every_check_passes_and_the_pours_add_up_to_the_silicone(design, mold):
     pin = cad.turned(s.pin).volume if s.pin_radius > 0 else 0.0
     assert cad.turned(s.cavity).volume - pin == pytest.approx(first, rel=1e-12)
     assert design.D < 4 or s.vent_diameter >= mold.printing.detail - 1e-9
+
+
+def test_vents_grow_with_what_the_pin_drives_out_and_with_the_cavities_that_share_the_hand():
+    """Hagen and Poiseuille: 20 N of a hand on all cavities drive the pins' volume through the vents in 10 s."""
+    design = preset("foot")
+    (one, six), pin = (sizes(design, Mold(columns=n)) for n in (1, 6)), math.pi * 4.0**2 * (design.H + 4.0)
+    flow = 4 * math.pi * 20.0 / (6 * math.pi * 15.0**2) * six.vent_diameter**4 / (128 * 20e-6 * six.lid)
+    assert one.pin_depth == design.H + design.magnet_height / 2 == design.H + 4.0
+    assert pin / flow == pytest.approx(10.0)
+    assert six.vent_diameter / one.vent_diameter == pytest.approx(6**0.25)
+    assert sizes(Design(), Mold(columns=10)).vent_diameter == 1.0
 
 
 def torus(radius):
