@@ -16,7 +16,7 @@ from fem.equilibrium import trace
 from geometry.design import BadInput, Design, paper
 from geometry.loads import Load
 from studies.inputs.user_input import read_design
-from studies.parts.part_tolerances import SPECS, batches_of, parse_tolerances, tolerances, tolerances_of
+from studies.parts.part_tolerances import SPECS, batches_of, parse_tolerances, parts_of, tolerances, tolerances_of
 from studies.sensing import decode_readings
 from studies.sensitivity import decode_tolerances
 from studies.sensitivity.beam_motions import Press
@@ -26,7 +26,6 @@ from studies.sensitivity.made_sensors import (
     made_sensors,
     nominal_sensor,
     share_with_error,
-    sold_sensors,
 )
 
 
@@ -66,11 +65,11 @@ def test_tolerances_of_a_winner_are_those_of_its_parts_process_and_file(toml):
     # without a name nothing is known of the parts
     unnamed = dataclasses.replace(design, silicone="")
     assert tolerances_of(unnamed) == usual
-    assert sold_sensors(unnamed, 200).fields["E"].max() <= 1.1 * 2.46
-    E = sold_sensors(design, 200).fields["E"]
+    assert made_sensors(unnamed, usual, 200, parts=parts_of(unnamed)).fields["E"].max() <= 1.1 * 2.46
+    E = made_sensors(design, tolerances_of(design), 200, parts=parts_of(design)).fields["E"]
     low, high = batches_of(design)["E"]
-    assert low == 1.88 < E.min() < 1.95
-    assert 3.1 < E.max() < high == 3.21
+    assert low == 1.88 < E.min() < 2.0
+    assert 3.0 < E.max() < high == 3.21
 
 
 NONE = dict.fromkeys(SPECS, 0.0)
@@ -80,6 +79,19 @@ def test_a_seed_gives_the_same_sensors_again_and_another_seed_others():
     one, same, other = (made_sensors(paper(), count=20, seed=seed).fields["E"] for seed in (1, 1, 2))
     assert np.array_equal(one, same)
     assert not np.array_equal(one, other)
+
+
+def test_a_sensor_is_the_same_in_a_longer_draw_and_batches_leave_its_other_deviations():
+    design = Design(silicone="Dragon Skin 30", E=0.75)
+    sizes, made_of = tolerances_of(design), parts_of(design)
+    few, many = (made_sensors(design, sizes, count, 5, parts=made_of) for count in (3, 40))
+    plain = made_sensors(design, sizes, 3, 5)
+    assert all(np.array_equal(few.fields[name], many.fields[name][:3]) for name in few.fields)
+    assert not np.isclose(few.fields["E"], plain.fields["E"]).any()
+    assert np.array_equal(few.gain_factor, plain.gain_factor)
+    # a tolerance of one's own is one about the design
+    mine = made_sensors(design, {**sizes, "E": 3.0}, 40, 5, parts=made_of)
+    assert np.abs(mine.fields["E"] / design.E - 1).max() <= 0.03
 
 
 def test_a_tolerance_leaves_the_deviations_of_the_others():

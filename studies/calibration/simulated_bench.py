@@ -40,7 +40,7 @@ from studies.calibration.press_plan import Plan
 from studies.inputs.option_groups import Planning
 from studies.output.result import Result, Rows, Table
 from studies.parts.part_tolerances import Parts, Tolerances
-from studies.sensitivity.made_sensors import MadeSensors, sold_sensors
+from studies.sensitivity.made_sensors import MadeSensors, made_sensors
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -128,7 +128,7 @@ def run(
     record = plan.record()
     if options.simulate:
         stand = dataclasses.replace(stand, force_noise=plan.sensor.force_noise)
-        one = sold_sensors(design, 1, options.seed, bought, made)
+        one = made_sensors(design, made, 1, options.seed, parts=bought)
         found = bench(plan, one, stand, options.seed, lambda share, text: progress(0.1 + 0.4 * share, text))
         slow = recording(plan, one, stand, options.seed, lambda share, text: progress(0.5 + 0.5 * share, "recording"))
         tables |= {

@@ -171,9 +171,15 @@ def batches_of(design: Design, parts: Parts | None = None) -> dict[str, tuple[fl
     }
 
 
-def of_batch(low: float, typical: float, high: float, share: Array) -> Array:
-    """Return the values below which lie these shares of what is sold: a half lies below the typical one."""
-    return np.asarray(np.interp(share, [0.0, 0.5, 1.0], [low, typical, high]))
+def values_at(design: Design, parts: Parts | None, shares: Array) -> dict[str, Array]:
+    """Return E, nu and remanence, MPa, 1 and T, below which lie these shares (n, 3) of what is sold.
+
+    A half lies below the design's value, which is typical, and need not be in the middle of a range.
+    """
+    return {
+        name: np.interp(shares[:, k], [0.0, 0.5, 1.0], [low, getattr(design, name), high])
+        for k, (name, (low, high)) in enumerate(batches_of(design, parts).items())
+    }
 
 
 def parse_tolerances(texts: Sequence[str], design: Design = Design(), source: str = "paper") -> dict[str, float]:

@@ -1,6 +1,8 @@
 """Made sensors: designs that deviate from a nominal one within tolerances, drawn with a seed, and their readings.
 
-Their deviations are those of `studies.parts.part_tolerances`.
+Their deviations are those of `studies.parts.part_tolerances`. Of parts that are sold, E, nu and remanence are those
+of a batch, which lies anywhere in the ranges of the catalogue. A seed gives each sensor numbers of its own: the k-th
+is the same whatever the number of sensors, and a tolerance or a batch does not change its other deviations.
 
 Each sensor is an independent draw, so that a share of them has a binomial sampling error. The casting moves the
 magnet in the silicone and the assembly moves the elements. These deviations change the readings. Their effect on the
@@ -32,17 +34,19 @@ from studies.parts.part_tolerances import (
     SPECS,
     Parts,
     Tolerances,
-    batches_of,
-    of_batch,
-    parts_of,
     tolerances,
     tolerances_of,
+    values_at,
 )
 
 OF_CHIPS = ("chip_gain", "chip_null")
 """Tolerances of each axis of each chip."""
 PLACES = ("hall_x", "hall_y", "hall_z")
 """Tolerances of the place of each one-axis element or chip."""
+OF_PARTS = 0.25
+"""Share of a catalogue's range that is the scatter of parts within a batch; assumed: no source parts the two."""
+MAGNET_DIGITS = 2
+"""Decimals of the size of a magnet that is sold, mm: magnets of equal size share the computation of their fields."""
 MOST_SENSORS = 1_000_000
 """Largest number of made sensors; more are taken for a mistake."""
 
@@ -90,16 +94,16 @@ def made_sensors(
     count: int = 1000,
     seed: int = 0,
     *,
-    batches: Mapping[str, Callable[[Array], Array]] = {},
+    parts: Parts | None = None,
+    middle: Array | None = None,
 ) -> MadeSensors:
     """Draw made sensors of a design.
 
-    A tolerance does not change the deviations of the others: with the same seed each sensor keeps them.
-
     Parameters
     ----------
-    batches : of some of the `fields`, in place of design and tolerance: the values of parts whose deviations over the
-        largest are -1 to 1, shape (n,).
+    parts : what the sensors are made of. E, nu and remanence of a silicone and a magnet that are known lie in batches
+        within what is sold, unless their tolerances are others than those of the parts; default: none is known.
+    middle : where the batch of each sensor lies, see `batch_middles`; default: each is of a batch of its own.
     """
     check_draw(design, count, seed)
     unit = _unit_deviations(count, seed, design.element_count)
@@ -109,8 +113,15 @@ def made_sensors(
         # no silicone has more than 0.5: a deviation beyond it counts to the other side
         "nu": np.clip(0.5 - np.abs(design.nu + deviation["nu"] - 0.5), 0.0, 0.5),
         **{name: getattr(design, name) + deviation[name] for name in ("magnet_diameter", "magnet_height")},
-        **{name: of_parts(unit[name]) for name, of_parts in batches.items()},
     }
+    if parts is not None:
+        middle = batch_middles(count, seed) if middle is None else middle
+        share = middle + OF_PARTS / 2 * np.column_stack([unit[name] for name in ("E", "nu", "remanence")])
+        usual, sold = tolerances_of(design, parts), values_at(design, parts, share)
+        known = {"E": parts.silicone, "nu": parts.silicone, "remanence": parts.magnet}
+        fields |= {name: sold[name] for name in sold if known[name] is not None and sizes[name] == usual[name]}
+    if parts is not None and parts.magnet is not None:
+        fields |= {name: fields[name].round(MAGNET_DIGITS) for name in ("magnet_diameter", "magnet_height")}
     rows = [dict(zip(fields, row, strict=True)) for row in np.column_stack(list(fields.values())).tolist()]
     designs, refusals = zip(*(possible(dataclasses.replace, design, **row) for row in rows), strict=True)
     places = np.stack([deviation[name] for name in PLACES], axis=-1)
@@ -129,25 +140,17 @@ def made_sensors(
     )
 
 
-def sold_sensors(
-    design: Design, count: int = 1, seed: int = 0, parts: Parts | None = None, sizes: Tolerances | None = None
-) -> MadeSensors:
-    """Draw made sensors whose silicones and magnets lie anywhere in the ranges of what is sold.
+def batch_middles(count: int, seed: int) -> Array:
+    """Return the middles of independent batches, shape (n, 3): shares of the ranges of E, nu and remanence."""
+    # a stream of its own, or batches would have the numbers of deviations
+    (random,) = np.random.default_rng(seed).spawn(1)
+    return batches_at(random.random((count, 3)))
 
-    parts : default: those of the shipped catalogues that the design is made of; values that none has deviate within
-        their tolerances.
-    sizes : tolerances, default: those of the parts; E, nu and remanence with others deviate within these.
-    """
-    known, usual = parts_of(design) if parts is None else parts, tolerances_of(design, parts)
-    sizes = usual if sizes is None else sizes
-    shares = np.random.default_rng([seed, count]).random((3, count))
-    sold = {"E": known.silicone, "nu": known.silicone, "remanence": known.magnet}
-    batches = {
-        name: lambda _, k=k, name=name, low=low, high=high: of_batch(low, getattr(design, name), high, shares[k])
-        for k, (name, (low, high)) in enumerate(batches_of(design, parts).items())
-        if sold[name] is not None and sizes[name] == usual[name]
-    }
-    return made_sensors(design, sizes, count, seed, batches=batches)
+
+def batches_at(share: Array) -> Array:
+    """Return the middles of batches at shares of where they may lie: a batch is `OF_PARTS` of its range wide, and
+    lies within it."""
+    return OF_PARTS / 2 + (1 - OF_PARTS) * share
 
 
 def check_draw(design: Design, count: int, seed: int) -> None:

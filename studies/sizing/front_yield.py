@@ -34,11 +34,17 @@ from studies.calibration.regression_study import ASSUMED_NOISE
 from studies.calibration.sensor_fit import Fit, Sensor
 from studies.output import page_templates
 from studies.output.records import FlatRow
-from studies.parts.part_tolerances import Parts, batches_of, of_batch, tolerances_of
+from studies.parts.part_tolerances import Parts, tolerances_of, values_at
 from studies.parts.requirements import CRITERIA
 from studies.sensitivity.beam_motions import SURROGATE, Press, motions
 from studies.sensitivity.calibration import spread_of
-from studies.sensitivity.made_sensors import MadeSensors, made_sensors, share_with_error
+from studies.sensitivity.made_sensors import (
+    MadeSensors,
+    batch_middles,
+    batches_at,
+    made_sensors,
+    share_with_error,
+)
 from studies.sizing.candidate_performance import performance
 from studies.sizing.sensor_arrays import Sensors, made_sensors_of, sensors_of_variant
 
@@ -52,10 +58,8 @@ SENSORS = 1000
 """Number of made sensors, each of a batch of its own."""
 BATCHES = 25
 """Number of batches of which further sensors are made, and as many of each of four more at the ends of the ranges."""
-OF_PARTS = 0.25
-"""Share of a catalogue's range that is the scatter of parts within a batch; assumed: no source parts the two."""
-ENDS = ((0, 0), (0, 1), (1, 0), (1, 1))
-"""Ends of the ranges of E and remanence, low or high."""
+ENDS = ((0, 0.5, 0), (0, 0.5, 1), (1, 0.5, 0), (1, 0.5, 1))
+"""Ends of the ranges of E and remanence, with the middle of that of nu, as shares of where batches lie."""
 ALLOWED = 0.05
 """Largest force error over the required range with which a sensor counts as calibrated."""
 CALIBRATIONS = {
@@ -68,8 +72,6 @@ CALIBRATIONS = {
 """Calibrations of each sensor by itself, and the force errors that remain; a full one leaves none but the noise."""
 CHECKED = 30
 """Number of drawn sensors that finite elements solve."""
-MAGNET_DIGITS = 2
-"""Decimals of a made magnet's size, mm: magnets of equal size share the computation of their fields."""
 ALL = "all"
 """Stands for all requirements together."""
 IMPOSSIBLE = "possible"
@@ -142,9 +144,6 @@ def drawn(
 ) -> tuple[MadeSensors, pd.DataFrame, Ints]:
     """Draw made sensors, each of a batch of its own, and further ones of `BATCHES` batches and of those at the ends.
 
-    Half of the batches lie on each side of the typical value, which is in the middle of no range; a batch is
-    `OF_PARTS` of its range wide, and lies within it.
-
     Returns
     -------
     The sensors, the `count` of a batch of their own first; the middle of each batch of several sensors, those at the
@@ -154,29 +153,13 @@ def drawn(
     from scipy.stats import qmc
 
     design, made_of, number = variant.design, parts_of_variant(variant, process), min(BATCHES, count)
-    ranges = batches_of(design, made_of)
-    parts = -(-count // number)
-    half = OF_PARTS / 2
-    random = np.random.default_rng(seed)
-    place = half + (1 - OF_PARTS) * qmc.LatinHypercube(len(ranges), rng=random).random(number)
-    at_ends = [(half + (1 - OF_PARTS) * E, 0.5, half + (1 - OF_PARTS) * remanence) for E, remanence in ENDS]
-    place = np.vstack([place, at_ends]).T
-    batch = np.repeat(np.arange(number + len(ENDS)), parts)
-    middles = np.hstack([half + (1 - OF_PARTS) * random.random((len(ranges), count)), place[:, batch]])
-
-    def value(column: int, share: Array) -> Array:
-        name, (low, high) = list(ranges.items())[column]
-        return of_batch(low, getattr(design, name), high, share)
-
-    values = {name: lambda unit, k=k: value(k, middles[k] + half * unit) for k, name in enumerate(ranges)}
+    _, random = np.random.default_rng(seed).spawn(2)
+    middle = batches_at(np.vstack([qmc.LatinHypercube(3, rng=random).random(number), ENDS]))
+    batch = np.repeat(np.arange(len(middle)), -(-count // number))
+    middles = np.vstack([batch_middles(count, seed), middle[batch]])
     sizes = tolerances_of(design, made_of)
-    values |= {
-        name: lambda unit, name=name: (getattr(design, name) + sizes[name] * unit).round(MAGNET_DIGITS)
-        for name in ("magnet_diameter", "magnet_height")
-    }
-    sensors = made_sensors(design, sizes, count + len(batch), seed, batches=values)
-    middle = [value(k, place[k]) for k in range(len(ranges))]
-    table = pd.DataFrame(dict(zip(("E_MPa", "nu", "remanence_T"), middle, strict=True)))
+    sensors = made_sensors(design, sizes, len(middles), seed, parts=made_of, middle=middles)
+    table = pd.DataFrame(values_at(design, made_of, middle)).set_axis(["E_MPa", "nu", "remanence_T"], axis=1)
     return sensors, table.assign(at_the_ends=table.index >= number), batch
 
 

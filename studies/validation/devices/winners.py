@@ -32,7 +32,7 @@ from studies.output.goals import Goal
 from studies.output.result import Result
 from studies.parts.part_tolerances import parse_tolerances, parts_of_file
 from studies.parts.requirements import Requirements, stated_requirements
-from studies.sensitivity.made_sensors import sold_sensors
+from studies.sensitivity.made_sensors import made_sensors
 from studies.validation import pages
 from studies.validation.pages import Row
 
@@ -99,7 +99,7 @@ def judged(source: str, seed: int) -> Row:
     design, needed = read_design(source, []), stated_requirements(source)
     made = parse_tolerances([], design, source)
     plan = press_plan.plan(design, made, needed)
-    sensor = sold_sensors(design, 1, seed, parts_of_file(design, source), made)
+    sensor = made_sensors(design, made, 1, seed, parts=parts_of_file(design, source))
     stand = Stand(plan.sensor.force_noise, field=magpylib_field)
     row: Row = {
         "E_over_nominal": float(sensor.fields["E"][0]) / design.E,
