@@ -33,13 +33,19 @@ import numpy as np
 from analytic import buckling
 from analytic.decode import Decoded, Decoder, decode
 from analytic.hall import plates_of, rotated
-from analytic.inverse.forward_model import Forward, magnets_at, place_magnets, readings_of_sensors, rotation
+from analytic.inverse.forward_model import (
+    Forward,
+    magnets_at,
+    model,
+    place_magnets,
+    readings_of_sensors,
+    rotation,
+)
 from analytic.magnet import MU_0, repulsion
+from geometry.array_design import ArrayDesign, grid_array
 from geometry.arrays import Array, Ints
 from geometry.design import BadInput, Design
 
-POLARITIES = ("up", "checkerboard", "rows")
-"""All magnets alike; every other one reversed, along rows and columns; every other row reversed."""
 STEPS = 20
 """Largest number of joint steps: from poses decoded one by one four to six suffice."""
 CONVERGED = 1e-13
@@ -52,12 +58,12 @@ radius on, and to 5e-5 from a third on."""
 
 @dataclass(frozen=True, eq=False)
 class BeamArray:
-    """Equal beams on a square grid.
+    """Equal beams on one base.
 
     forward : elements and magnet of each, and the tilt over the shift.
     layout : place of each beam over the pitch, shape (n, 2).
     poles : 1, or -1 for a reversed magnet, shape (n,).
-    pitch : distance of neighbours, mm.
+    pitch : distance of the nearest neighbours, mm.
     reach : distance of beams up to which the field of one counts at the elements of the other, mm.
     """
 
@@ -106,56 +112,14 @@ def _sizes(design: Design, count: int) -> Array:
     return np.tile([design.magnet_diameter, design.magnet_height], (count, 1))
 
 
-def layout_of(rows: int, columns: int) -> Array:
-    """Return the places of beams over the pitch, row by row, about the middle, shape (n, 2).
-
-    >>> layout_of(1, 2).tolist()
-    [[-0.5, 0.0], [0.5, 0.0]]
-    """
-    y, x = np.indices((rows, columns)).reshape(2, -1)
-    return np.column_stack([x - (columns - 1) / 2, y - (rows - 1) / 2])
-
-
-def poles_of(polarity: str | Sequence[str], rows: int, columns: int) -> Array:
-    """Return the poles of the beams, row by row, from one of `POLARITIES` or a list of "up" and "down", shape (n,).
-
-    >>> poles_of("checkerboard", 2, 3).tolist()
-    [1.0, -1.0, 1.0, -1.0, 1.0, -1.0]
-    """
-    y, x = np.indices((rows, columns)).reshape(2, -1)
-    if polarity in POLARITIES:
-        odd = {"up": 0 * x, "checkerboard": x + y, "rows": y}[str(polarity)]
-        return np.asarray(1.0 - 2 * (odd % 2))
-    listed = [polarity] if isinstance(polarity, str) else list(polarity)
-    if unknown := [word for word in listed if word not in ("up", "down")]:
-        raise BadInput(f"polarity must be {', '.join(POLARITIES)}, or a list of up and down; got {unknown[0]!r}")
-    if len(listed) != rows * columns:
-        raise BadInput(
-            f"polarity lists {len(listed)} magnets, and {rows} x {columns} beams have {rows * columns}: give one for "
-            "each, row by row"
-        )
-    return np.array([1.0 if word == "up" else -1.0 for word in listed])
-
-
 def beam_array(forward: Forward, rows: int, columns: int, pitch: float, polarity: str | Sequence[str]) -> BeamArray:
-    """Return the array of a forward model; refuse what `checked_poles` refuses."""
-    poles = checked_poles(forward.design, rows, columns, pitch, polarity)
-    return BeamArray(forward, layout_of(rows, columns), poles, pitch)
+    """Return a square grid of a forward model; refuse what `geometry.array_design.grid_array` refuses."""
+    return of_array(forward, grid_array(forward.design, rows, columns, pitch, polarity))
 
 
-def checked_poles(design: Design, rows: int, columns: int, pitch: float, polarity: str | Sequence[str]) -> Array:
-    """Return the poles of an array of a design, (n,).
-
-    Raises
-    ------
-    BadInput
-        The beams would overlap, there are fewer than two, or the list of polarities has another length.
-    """
-    if not design.D < pitch < math.inf:
-        raise BadInput(f"beams overlap: the pitch must exceed D = {design.D:g} mm; got {pitch:g} mm")
-    if not (rows >= 1 and columns >= 1 and rows * columns >= 2):
-        raise BadInput(f"an array has two beams or more; got {rows} x {columns}: raise rows or columns")
-    return poles_of(polarity, rows, columns)
+def of_array(forward: Forward, array: ArrayDesign) -> BeamArray:
+    """Return the beams of an array with the forward model of its design."""
+    return BeamArray(forward, array.places / array.pitch, array.poles, array.pitch)
 
 
 # Readings
@@ -211,6 +175,19 @@ def _summed(pairs: Ints, values: Array) -> Array:
     return np.asarray(np.add.reduceat(values, starts).swapaxes(0, 1))
 
 
+def readings_in_poses(array: ArrayDesign, shift: Array, tilt: Array) -> tuple[Array, Array]:
+    """Return the readings (n, k), T, of all beams in given poses, and the part of each beam's own magnet.
+
+    shift, tilt : of the magnets, (n, 3), mm, and rotation vectors (n, 2), rad.
+    """
+    beams = of_array(model(array.design), array)
+    pairs, second = beams.pairs, beams.pairs[1]
+    axis = rotated(np.array([0.0, 0.0, 1.0]), tilt)
+    values, _, _ = readings_of_sensors(*beams.sites, shift[second][:, None], axis[second][:, None], slopes=False)
+    values = values * (array.design.polarisation * array.poles[second])[:, None, None]
+    return _summed(pairs, values)[0], values[pairs[0] == pairs[1], 0]
+
+
 def slopes_of_array(array: BeamArray, shift: Array) -> tuple[Array, Array]:
     """Return the readings (f, n, k), T, and their slopes db_i/ds_j (f, n, k, n, 3), T/mm."""
     pairs, values, slopes = readings_by_pairs(array, shift)
@@ -246,23 +223,33 @@ def decoded_jointly(coder: Decoder, array: BeamArray, readings: Array, start: Ar
     """Return the shifts (f, n, 3), mm, that have the readings (f, n, k), T.
 
     It is the solution to which the start leads; others with the same readings are not searched. It is NaN in frames
-    that do not converge, and for beams whose magnet lies outside the decoder's workspace.
+    that do not converge, and for beams whose magnet lies outside the decoder's workspace. Beams with a reading that
+    is NaN stay at their start, and are NaN. Where the decoder rejects an ambient field, each beam has one of its own.
 
     Each step solves A'W A p = A'W r for the misfits r of a frame, with the slopes A of all its readings along all
     shifts and the decoder's weights. It is shortened so that no magnet moves more than D/16, as near a fold.
 
     start : of the iteration, (f, n, 3), mm.
     """
-    D, weights = array.forward.design.D, coder.goal.weights[:, None]
+    D, weights, free = array.forward.design.D, coder.goal.weights[:, None], coder.goal.free
+    lost = np.asarray(np.isnan(readings).any(axis=2))
     shift, active = start.copy(), np.arange(len(start))
     found, last = np.full_like(start, np.nan), np.full(len(start), 1e-3 * D)
     for _ in range(STEPS):
         values, A = slopes_of_array(array, shift[active])
         f, n, k = values.shape
+        misfit = readings[active] - values
+        if len(free):
+            misfit, A = misfit @ free.T, np.einsum("ab,fibjc->fiajc", free, A)
+        held = lost[active]
+        misfit[held], A[held] = 0.0, 0.0
+        A.swapaxes(1, 3)[held] = 0.0
         A = (A * weights[..., None]).reshape(f, n * k, 3 * n)
-        misfit = ((readings[active] - values) * weights[:, 0]).reshape(f, n * k, 1)
+        misfit = (misfit * weights[:, 0]).reshape(f, n * k, 1)
         A_t = A.swapaxes(1, 2)
-        step = np.linalg.solve(A_t @ A, A_t @ misfit).reshape(f, n, 3)
+        # a beam that is held has a row of its own, so that it does not move
+        stay = np.repeat(held, 3, axis=1)[:, None] * np.eye(3 * n)
+        step = np.linalg.solve(A_t @ A + stay, A_t @ misfit).reshape(f, n, 3)
         length = np.linalg.norm(step, axis=2).max(axis=1)
         shift[active] += step * np.minimum(1.0, D / 16 / np.maximum(length, 1e-300))[:, None, None]
         done = length * (length / np.minimum(last[active], 1e-3 * D)) ** 2 < CONVERGED * D
@@ -271,8 +258,8 @@ def decoded_jointly(coder: Decoder, array: BeamArray, readings: Array, start: Ar
         active = active[~done]
         if not len(active):
             break
-    inside = ((coder.goal.low <= found) & (found <= coder.goal.high)).all(axis=2, keepdims=True)
-    return np.where(inside, found, np.nan)
+    inside = ((coder.goal.low <= found) & (found <= coder.goal.high)).all(axis=2) & ~lost
+    return np.where(inside[..., None], found, np.nan)
 
 
 # Forces

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from analytic import reading_noise
+from geometry.array_design import ArrayDesign
 from geometry.arrays import Vector
 from geometry.cad import element_positions
 from geometry.design import BadInput, Design
@@ -95,14 +96,20 @@ AXES: tuple[Vector, Vector, Vector] = ((0.0, 0.0, -1.0), (1.0, 0.0, 0.0), (0.0, 
 """Directions n of S1, S2 and S3, or of the three axes of a chip; `analytic.hall.elements` explains their signs."""
 
 
-def of_design(design: Design) -> tuple[Element, ...]:
-    """Return the elements of the design's layout.
+def of_design(design: Design | ArrayDesign) -> tuple[Element, ...]:
+    """Return the elements of the design's layout; of an array those of each beam, named b1_S1 and so on.
 
     Layout "three" has the one-axis elements S1 on the axis, S2 at x = f and S3 at y = f, with the values of the
     design's fields hall_gain to hall_plate (default: an SS495A at 5 V). A chip has all three axes at x = chip_x and
     at S1's height, with the chip's own values; several chips stand on a circle, all turned alike. All of them average
     hall_average samples.
     """
+    if isinstance(design, ArrayDesign):
+        return tuple(
+            dataclasses.replace(element, name=f"b{k}_{element.name}", position=_moved(element.position, place))
+            for k, place in enumerate(design.places.tolist(), 1)
+            for element in of_design(design.design)
+        )
     three = design.hall_layout == "three"
     names, unit = element_names(design.hall_layout, int(design.chip_count))
     average = design.hall_noise_floor if three else 0.0, int(design.hall_average)
@@ -110,6 +117,10 @@ def of_design(design: Design) -> tuple[Element, ...]:
         Element(name, place, axis, *common_values(design), unit, *average)
         for name, place, axis in zip(names, element_positions(design), AXES * (len(names) // 3), strict=True)
     )
+
+
+def _moved(position: Vector, place: Sequence[float]) -> Vector:
+    return position[0] + place[0], position[1] + place[1], position[2]
 
 
 def element_names(layout: str, chips: int = 1) -> tuple[tuple[str, ...], Literal["V", "T"]]:

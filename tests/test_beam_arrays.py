@@ -6,17 +6,21 @@ from functools import partial
 
 import magpylib
 import numpy as np
+import pandas as pd
 import pytest
 
-from analytic import beam_arrays, buckling
+from analytic import beam_arrays, buckling, parts
+from analytic.array_stream import ArrayStream
 from analytic.beam_arrays import beam_array, magnet_forces, readings_of_array, slopes_of_array
 from analytic.decode import decoder
+from analytic.hall import field_at
 from analytic.inverse.forward_model import model, readings_with_slopes
 from analytic.magnet import repulsion
+from geometry.array_design import POLARITIES, ArrayDesign, poles_of
 from geometry.design import BadInput, paper
 from studies.inputs.option_groups import Arraying, SourceOfLoad
 from studies.sensing import crosstalk
-from studies.sensing.crosstalk import Grid
+from studies.sensing.array_readings import Grid
 from studies.simulation.mechanics_sources import source_of
 
 DESIGN = paper()
@@ -77,7 +81,7 @@ def test_all_magnets_reversed_reverse_all_readings():
 # Decoding
 
 
-@pytest.mark.parametrize("polarity", beam_arrays.POLARITIES)
+@pytest.mark.parametrize("polarity", POLARITIES)
 def test_joint_decoding_returns_the_poses_of_random_loads(polarity):
     array, shift = beam_array(CODER.forward, 3, 3, 8.5, polarity), shifts(4, 9)
     readings = readings_of_array(array, shift)
@@ -178,11 +182,11 @@ def test_soft_neighbours_snap_together_below_the_critical_pitch():
 
 
 def test_the_poles_of_rows():
-    assert beam_arrays.poles_of("rows", 2, 2).tolist() == [1, 1, -1, -1]
+    assert poles_of("rows", 2, 2).tolist() == [1, 1, -1, -1]
     with pytest.raises(
         BadInput, match="polarity must be up, checkerboard, rows, or a list of up and down; got 'left'"
     ):
-        beam_arrays.poles_of("left", 2, 2)
+        poles_of("left", 2, 2)
 
 
 def test_an_element_inside_a_neighbour_is_named():
@@ -267,3 +271,137 @@ def test_refusals(run, words):
     status, out, err = run("array", "paper", *words.split())
     assert (status, out) == (2, "")
     assert REFUSALS[words] in err
+
+
+# One array as one sensor
+
+PADS = '[array]\nrows = 2\ncolumns = 2\npitch = 12\npolarity = "checkerboard"\n'
+PLACES = '[array]\nplaces = ["0,0", "12,0", "6,11"]\npolarity = ["up", "down", "up"]\n'
+
+
+def test_elements_of_an_array_read_the_fields_of_all_its_magnets_together():
+    """By superposition of single sensors' fields at places in common; one of three magnets lies the other way up."""
+    array = ArrayDesign(DESIGN, np.array([[0.0, 0.0], [12.0, 0.0], [6.0, 11.0]]), np.array([1.0, -1.0, 1.0]))
+    shift, tilt = shifts(1, 3)[0], np.array([[0.0, 0.1], [0.05, -0.02], [0.0, 0.0]])
+    elements = parts.of_design(array)
+    assert parts.columns(elements)[:4] == ["b1_S1", "b1_S2", "b1_S3", "b2_S1"]
+    points = np.array([element.position for element in elements])
+    B = sum(
+        pole * field_at(points - [*place, 0.0], DESIGN, shift=s, tilt=t)
+        for place, pole, s, t in zip(array.places, array.poles, shift, tilt, strict=True)
+    )
+    expected = (B * [element.direction for element in elements]).sum(axis=1).reshape(3, 3)
+    whole, own = beam_arrays.readings_in_poses(array, shift, tilt)
+    assert whole == pytest.approx(expected, rel=1e-9)
+    alone = field_at(points[3:4] - [12.0, 0.0, 0.0], DESIGN, shift=shift[1], tilt=tilt[1])[0]
+    assert own[1, 0] == pytest.approx(-alone @ elements[3].direction, rel=1e-9)
+
+
+def test_a_stream_of_frames_follows_its_beams_and_knows_those_without_readings():
+    array, shift = beam_array(CODER.forward, 2, 2, 10.0, "checkerboard"), shifts(6, 4)
+    readings = readings_of_array(array, shift)
+    stream = ArrayStream(CODER, array)
+    for k in (0, 1):
+        assert stream.step(readings[k]).shift == pytest.approx(shift[k], abs=1e-9)
+    # a beam without readings stays where it was last: there its neighbours have their poses still
+    held = np.array([shift[2][0], shift[1][1], shift[2][2], shift[2][3]])
+    lost = readings_of_array(array, held[None])[0]
+    lost[1, 2] = np.nan
+    frame = stream.step(lost)
+    assert frame.status == ["ok", "not_finite", "ok", "ok"]
+    assert frame.shift[[0, 2, 3]] == pytest.approx(held[[0, 2, 3]], abs=1e-9)
+    assert np.isnan(frame.shift[1]).all()
+    # one that no pose explains does not hide the others either
+    lost[1] = 0.06
+    frame = stream.step(lost)
+    assert frame.status == ["ok", "out_of_workspace", "ok", "ok"]
+    assert frame.shift[[0, 2, 3]] == pytest.approx(held[[0, 2, 3]], abs=1e-9)
+    # what each beam reads of its own magnet, and a zero that takes drifts off
+    assert frame.own[0] == pytest.approx(readings_with_slopes(CODER.forward, held[0][:, None])[0][:, 0], abs=1e-12)
+    drift = np.random.default_rng(1).normal(0, 1e-3, (4, 3))
+    stream.zero(readings_of_array(array, np.zeros((2, 4, 3))) + drift)
+    assert stream.step(readings[3] + drift).shift == pytest.approx(shift[3], abs=1e-9)
+
+
+def test_beams_with_chips_reject_a_uniform_field_each_by_itself():
+    design = replace(DESIGN, hall_layout="tle493d-w2b6", chip_count=3, chip_x=5.0, chip_noise=5e-5)
+    chips = decoder(design, reject_ambient=True)
+    array, shift = beam_array(chips.forward, 1, 2, 20.0, "up"), shifts(1, 2)
+    by_field = np.array([element.direction for element in chips.forward.elements]) @ [3e-4, -2e-4, 4e-4]
+    found = ArrayStream(chips, array).step(readings_of_array(array, shift)[0] + by_field)
+    assert found.shift == pytest.approx(shift[0], abs=1e-7)
+
+
+def test_a_design_file_with_an_array_is_read_decoded_and_streamed_as_one_sensor(run, tmp_path):
+    path = tmp_path / "pads.toml"
+    path.write_text(PADS, "utf-8")
+    read = json.loads(run("readings", path, "--shift=0.1,0,-0.6", "--beam", "2", "--json")[1])
+    assert [beam["pole"] for beam in read["beams"]] == ["up", "down", "down", "up"]
+    assert read["beams"][0]["shift_mm"] == [0, 0, 0]
+    words = ("--level", "paper", "--json", "--readings=" + ",".join(map(str, read["readings_V"])))
+    status, out, err = run("decode", path, *words)
+    assert status == 0, err
+    record = json.loads(out)
+    # level paper does not tilt the magnet, as --shift alone
+    assert [beam["shift_mm"] for beam in record["beams"]] == [
+        pytest.approx(each, abs=1e-6) for each in ([0, 0, 0], [0.1, 0, -0.6], [0, 0, 0], [0, 0, 0])
+    ]
+    assert record["force_N"] == pytest.approx(np.sum([beam["force_N"] for beam in record["beams"]], axis=0))
+    table = tmp_path / "rows.csv"
+    rest = json.loads(run("readings", path, "--json")[1])
+    frames = [rest["readings_V"]] * 3 + [read["readings_V"]] * 3
+    rows = pd.DataFrame(frames, columns=[f"{name}_V" for name in read["elements"]])
+    rows.insert(0, "time_s", 0.1 * np.arange(6))
+    rows.to_csv(table, index=False)
+    status, _, err = run(
+        "decode", path, "--file", table, "--zero", "0.25", "--level", "paper", "--out", "decoded.csv"
+    )
+    assert status == 0, err
+    status, _, err = run("stream", path, "--port", table, "--speed", 0, "--level", "paper", "--out", "streamed.csv")
+    assert status == 0, err
+    decoded, streamed = (pd.read_csv(name) for name in ("decoded.csv", "streamed.csv"))
+    force = [f"b{k}_force_{axis}_N" for k in range(1, 5) for axis in "xyz"]
+    assert streamed[force].to_numpy() == pytest.approx(decoded[force].to_numpy(), abs=1e-9)
+    assert decoded["force_z_N"].to_numpy() == pytest.approx(decoded[force[2::3]].sum(axis=1).to_numpy())
+    assert decoded["b2_shift_z_mm"].iloc[-1] == pytest.approx(-0.6, abs=1e-6)
+    (tmp_path / "places.toml").write_text(PLACES, "utf-8")
+    three = json.loads(run("readings", "places.toml", "--json")[1])
+    assert [beam["place_mm"] for beam in three["beams"]] == [[0, 0], [12, 0], [6, 11]]
+
+
+ARRAYS = {
+    'places = ["0,0", "5,0"]': "beams overlap: the pitch must exceed D = 8 mm; got 5 mm",
+    'places = ["0,0", "12"]': "places of an array are X,Y in mm, such as '12,0'; got '12'",
+    'places = ["0,0", "12,0"]\npolarity = "rows"': "an array of places has no rows: give its polarity as a list",
+    'places = ["0,0", "12,0"]\nrows = 2': "places of an array stand in place of rows: leave one of them out",
+}
+
+
+@pytest.mark.parametrize("table", ARRAYS)
+def test_arrays_that_cannot_be(run, tmp_path, table):
+    (tmp_path / "pads.toml").write_text(f"[array]\n{table}\n", "utf-8")
+    status, out, err = run("readings", "pads.toml")
+    assert (status, out) == (2, "")
+    assert ARRAYS[table] in err
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        ("readings pads.toml --beam 5", "--beam must lie between 1 and 4; got 5"),
+        ("readings paper --beam 1", "--beam works with the table [array] of a design file: leave it out"),
+        ("readings pads.toml --depth 1", "the readings of an array take --shift, --tilt and --beam"),
+        ("decode pads.toml --readings 1,2,3", "--readings takes 12 numbers, S1,S2,S3 of each of 4 beams; got 3"),
+        ("decode pads.toml --calibration c.json --readings 1,2,3", "--calibration is of one sensor"),
+        ("decode pads.toml --readings 1,2,3 --units T", "an array is decoded in the elements' unit"),
+        ("stream pads.toml --port rows.csv --calibration c.json", "--calibration is of one sensor"),
+        ("decode pads.toml --readings 1,2,3 --reject-ambient", "take three chips of three axes or more"),
+    ],
+)
+def test_what_an_array_does_not_take(run, tmp_path, words, sentence):
+    (tmp_path / "pads.toml").write_text(PADS, "utf-8")
+    (tmp_path / "rows.csv").write_text("time_s\n0\n", "utf-8")
+    (tmp_path / "c.json").write_text("{}", "utf-8")
+    status, out, err = run(*words.split())
+    assert (status, out) == (2, "")
+    assert sentence in err.replace("\n", " ")

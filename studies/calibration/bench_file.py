@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from analytic import parts
+from geometry.array_design import ArrayDesign
 from geometry.arrays import Array
 from geometry.design import KELVIN, BadInput, Design
 from studies.inputs.table_input import COLDEST, HOTTEST, Measured, split_head
@@ -99,7 +100,7 @@ def read(
     return Bench(table, names, understood)
 
 
-def read_readings(file: Path, design: Design) -> tuple[Any, Array, Array | None, Array]:
+def read_readings(file: Path, design: Design | ArrayDesign) -> tuple[Any, Array, Array | None, Array]:
     """Return the cells of a table as texts, readings (n, k) in the elements' own unit, times and temperatures.
 
     Readings and temperatures (n,), C, are NaN where empty. There are no times (n,), s, without their column.

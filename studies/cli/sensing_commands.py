@@ -19,6 +19,7 @@ from studies.output.result import GOOD, Destination, Result, of_record, publish,
 
 if TYPE_CHECKING:
     from analytic.decode import Decoded, Status
+    from geometry.array_design import ArrayDesign
     from geometry.arrays import Array
 
 
@@ -58,6 +59,7 @@ def readings(
     reading: option_groups.Reading = option_groups.Reading(),
     responses: Path | None = None,
     calibration: Calibration | None = None,
+    beam: int | None = None,
     depth: float = 0.0,
     shear: float = 0.0,
     shear_y: float = 0.0,
@@ -69,6 +71,8 @@ def readings(
     responses
         File of states printed by `magtip solve --json` (or `analytic --json`), one per line, in place of --shift
         and --tilt; each state gives a row of readings.
+    beam
+        Of an array: the beam whose magnet has this pose, counted from 1, the others at rest; default: all of them.
     depth
         Travel of the plate after first touch, mm, in place of --shift and --tilt; with --calibration, whose
         mechanics give the pose.
@@ -77,10 +81,20 @@ def readings(
     shear_y
         The same along y, mm.
     """
-    from studies.sensing import field_readings
+    from studies.sensing import array_readings, field_readings
 
     here = call.screen
     design, load = call.design(), (depth, shear, shear_y)
+    array = array_readings.stated_array(call.source, design)
+    if array is not None:
+        if calibration or responses or any(load) or reading != option_groups.Reading():
+            raise BadInput(
+                "the readings of an array take --shift, --tilt and --beam: leave other options out, or take a design "
+                "file without [array] for a single beam"
+            )
+        return show(array_readings.read(array, pose, beam), here)
+    if beam is not None:
+        raise BadInput("--beam works with the table [array] of a design file: leave it out")
     if calibration is not None:
         from studies.calibration import calibration_file
 
@@ -188,7 +202,7 @@ def decode(
         MCAP file for the forces and flux densities of a --file with times, as messages of ROS 2; see magtip stream.
     """
     from studies.parts.part_tolerances import parse_tolerances
-    from studies.sensing import decode_readings
+    from studies.sensing import array_readings, decode_readings
     from studies.sensitivity import decode_tolerances
     from studies.simulation import mechanics_sources
 
@@ -201,11 +215,14 @@ def decode(
         raise BadInput("--temperature works with --calibration only: leave it out")
     atomic_files.check_apart([call.out, mcap], [call.source, file, decoding.source.responses, decoding.calibration])
     design = call.design()
+    array = array_readings.stated_array(call.source, design)
     if mcap is not None:
         from studies.streaming import live_stream
 
         with atomic_files.sole_writer(mcap):
-            live_stream.record(design, decoding, mcap)
+            live_stream.record(array or design, decoding, mcap)
+    if array is not None:
+        return _decode_array(call, array, decoding)
     if decoding.calibration is not None:
         from studies.calibration import calibration_file
 
@@ -227,6 +244,30 @@ def decode(
 
     with atomic_files.sole_writer(call.out):
         return show(decode_readings.decode_file(coder, decoding, source, call.out, check, as_json=call.as_json), here)
+
+
+def _decode_array(call: Call, array: ArrayDesign, decoding: option_groups.Decoding) -> int:
+    from studies.parts.part_tolerances import parse_tolerances
+    from studies.sensing import array_readings, decode_readings
+    from studies.sensitivity import decode_tolerances
+    from studies.simulation import mechanics_sources
+    from studies.streaming.live_stream import ONE_BEAM
+
+    if decoding.calibration is not None:
+        raise BadInput(ONE_BEAM)
+    if decoding.units or decoding.ignore_tilt or (decoding.file is not None and call.out is None and call.as_json):
+        raise BadInput(
+            "an array is decoded in the elements' unit, with the tilt of its mechanics, and its rows go to a table: "
+            "leave --units and --ignore-tilt out, and --json without --out"
+        )
+    made = parse_tolerances(decoding.tolerances or [], array.design, call.source)
+    source = mechanics_sources.source_of(array.design, decoding.source)
+    coder = decode_readings.prepare(array.design, source, reject_ambient=decoding.reject_ambient)
+    decoder = array_readings.ArrayDecoder(array, coder, decode_tolerances.frame_statuses(coder, made))
+    if decoding.readings is not None:
+        return show(array_readings.decode_text(decoder, decoding.readings, source), call.screen)
+    with atomic_files.sole_writer(call.out):
+        return show(array_readings.decode_file(array, decoder, decoding, source, call.out), call.screen)
 
 
 @verb("source sets as_json", out="CSV file for time, readings, status, force and shift of each row.", at=1)
@@ -256,12 +297,14 @@ def stream(
         Print the address of the page, but do not open it.
     """
     from studies.cli.exploration_commands import serve_page
+    from studies.sensing import array_readings
     from studies.streaming import live_stream
 
     atomic_files.check_apart(
         [call.out, mcap], [call.source, streaming.port, streaming.source.responses, streaming.calibration]
     )
-    design = call.design()
+    one = call.design()
+    design = array_readings.stated_array(call.source, one) or one
     if frame_id != "magtip_tip" and mcap is None:
         raise BadInput("--frame-id works with --mcap only: leave it out")
     if no_browser and not page:
@@ -278,7 +321,7 @@ def stream(
         readings = live_stream.source_of(design, streaming)
         if page:
             result = live_stream.run_with_page(
-                live, readings, outputs, partial(serve_page, design, no_browser=no_browser)
+                live, readings, outputs, partial(serve_page, one, no_browser=no_browser)
             )
         else:
             result = live_stream.run(live, readings, outputs, live_stream.typed_zero(live, streaming))
@@ -418,10 +461,10 @@ def array(call: Call, *, options: option_groups.Arraying = option_groups.Arrayin
     all beams. A table [array] of a design file has rows, columns, pitch (mm) and polarity.
     """
     from studies.parts.requirements import stated_requirements
-    from studies.sensing import crosstalk
+    from studies.sensing import array_readings, crosstalk
     from studies.simulation import mechanics_sources
 
     here = call.here(crosstalk.FILES, [options.source.responses])
-    design, grid = call.design(), crosstalk.grid_of(call.source, options)
+    design, grid = call.design(), array_readings.grid_of(call.source, options)
     mechanics = partial(mechanics_sources.source_of, design, options.source)
     return publish(partial(crosstalk.run, design, mechanics, grid, options, stated_requirements(call.source)), here)

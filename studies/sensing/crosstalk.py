@@ -15,27 +15,27 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from analytic import beam_arrays
-from analytic.beam_arrays import POLARITIES, BeamArray, beam_array, readings_of_array
+from analytic.beam_arrays import BeamArray, beam_array, readings_of_array
 from analytic.decode import Decoder, decoder
 from analytic.inverse import response_surface
 from analytic.inverse.forward_model import model
 from geometry import base
+from geometry.array_design import POLARITIES
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.messages import Progress
-from studies.inputs.units import quantity
-from studies.inputs.user_input import table_beside
 from studies.output import page_templates
 from studies.output.figures import LOG, Figure, panels, picture, rule, styles
 from studies.output.records import FlatRow
 from studies.output.result import Result, Table
+from studies.sensing.array_readings import Grid
 from studies.sensing.decode_readings import Source
 from studies.sensing.disturbances import Loads, loads_of, shifts_under
 
@@ -46,10 +46,6 @@ if TYPE_CHECKING:
     from studies.parts.requirements import Requirements
 
 FILES = ("ARRAY.md", "pitches.csv", "crosstalk.csv", "array.png")
-KEYS: dict[str, Any] = {"rows": int, "columns": int, "pitch": float | str, "polarity": str | list[str]}
-"""Keys of the table [array] of a design file."""
-MOST = 16
-"""Largest number of rows and of columns."""
 DECODERS = {"ignoring": "neighbours ignored", "subtracting": "subtracted once", "jointly": "decoded jointly"}
 NEAREST, FARTHEST, STEPS = 1.0625, 5.0, 12
 """Pitches of the curve over D: the ends, and how many evenly on a logarithmic scale."""
@@ -65,39 +61,6 @@ LIGHTER = 0.99
 """Shifts of the frame before over those of the frame, for the time of following a stream."""
 
 
-@dataclass(frozen=True, slots=True)
-class Grid:
-    """What array is asked for; the pitch in mm, None for 2 D."""
-
-    rows: int = 3
-    columns: int = 3
-    pitch: float | None = None
-    polarity: str | tuple[str, ...] = "up"
-
-    def array(self, coder: Decoder, pitch: float, polarity: str | tuple[str, ...]) -> BeamArray:
-        """Return the array at another pitch and polarity."""
-        return beam_array(coder.forward, self.rows, self.columns, pitch, polarity)
-
-
-def grid_of(source: str, options: Arraying) -> Grid:
-    """Return the array of the options, and where they name none that of the design file's table [array]."""
-    stated = table_beside(source, "array", KEYS)
-    given = {name: value for name in KEYS if (value := getattr(options, name)) is not None}
-    values = stated | given
-    for name in ("rows", "columns"):
-        if not 1 <= values.get(name, 1) <= MOST:
-            raise BadInput(f"{name} of an array must lie between 1 and {MOST}; got {values[name]}")
-    if "pitch" in values:
-        values["pitch"] = quantity("pitch", values["pitch"], "mm")
-    polarity = values.get("polarity", "up")
-    if polarity not in POLARITIES:
-        listed = polarity.split(",") if isinstance(polarity, str) else polarity
-        values["polarity"] = tuple(word.strip() for word in listed)
-    if not 0 < options.error < 100:
-        raise BadInput(f"--error must be above 0 and below 100 percent; got {options.error:g}")
-    return Grid(**values)
-
-
 def run(
     design: Design,
     mechanics: Callable[[], Source],
@@ -111,9 +74,8 @@ def run(
     mechanics : gives the mechanics of the design, which may take some seconds.
     needed : what the design states as required; else the range is that of a press of 3 D/8 with a shear of D/8.
     """
-    pitch = 2 * design.D if grid.pitch is None else grid.pitch
     # refused before the mechanics take their time
-    beam_arrays.checked_poles(design, grid.rows, grid.columns, pitch, grid.polarity)
+    pitch = grid.pitch_of(design)
     source = mechanics()
     coder = decoder(design, source.law)
     loads, full, words = loads_of(coder, needed)
@@ -138,8 +100,9 @@ def run(
     sparse = _sparse(coder, asked, force, shift, full)
     record = {
         "mechanics": source.name,
-        "rows": grid.rows,
-        "columns": grid.columns,
+        "rows": None if grid.places else grid.rows,
+        "columns": None if grid.places else grid.columns,
+        "array": grid.words,
         "pitch_mm": pitch,
         "polarity": _name(grid.polarity),
         "full_scale_N": full,
@@ -180,7 +143,7 @@ def run(
 
 
 def _shown(record: dict[str, Any], rows: list[FlatRow]) -> list[Table | str]:
-    title = f"{record['rows']} x {record['columns']} beams, {record['polarity']}, pitch {record['pitch_mm']:g} mm"
+    title = f"{record['array']}, {record['polarity']}, pitch {record['pitch_mm']:g} mm"
     errors = [
         {"decoder": name}
         | {key: record[f"{decoder}_{key}"] for key in ("N", "median_N", "percent", "no_force_percent")}
@@ -271,8 +234,7 @@ def over_pitch(
     D = coder.forward.design.D
     between = [float(f"{each * D:.4g}") for each in np.geomspace(NEAREST, FARTHEST, STEPS)[:-1]]
     pitches = sorted({*between, *(each * D for each in (FARTHEST, *FAR)), pitch})
-    polarities = list(dict.fromkeys([*POLARITIES, grid.polarity]))
-    cases = [(polarity, each) for polarity in polarities for each in pitches]
+    cases = [(polarity, each) for polarity in grid.polarities for each in pitches]
     rows = []
     for k, (polarity, each) in enumerate(cases):
         progress(k / len(cases), f"{_name(polarity)}, pitch {each:g} mm")

@@ -344,7 +344,7 @@ def decode_file(
         holes=True,
         instead={f"--units {second_unit}": heads[second_unit]} if elements[0].unit == "V" else {},
     )
-    field, times = in_tesla(elements, values, unit), _times(decoding, head, rows)
+    field, times = in_tesla(elements, values, unit), times_of(decoding, head, rows)
     if decoding.zero is not None:
         full = at_rail(elements, field.T).T
         offset = zero_offset(coder, np.where(full, np.nan, field)[rows_at_rest(decoding, field, times, full)])
@@ -378,7 +378,8 @@ def decode_file(
     return result(printed=target is None)
 
 
-def _times(decoding: Decoding, head: Sequence[str], rows: Sequence[Sequence[str]]) -> Array | None:
+def times_of(decoding: Decoding, head: Sequence[str], rows: Sequence[Sequence[str]]) -> Array | None:
+    """Return the column time_s of a table's rows (n,), s, ascending; None without one."""
     if "time_s" not in head:
         return None
     at, last = head.index("time_s"), -math.inf

@@ -18,7 +18,7 @@ rejects an ambient field, rows and made sensors are compared without what a unif
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -35,6 +35,7 @@ from studies.sensing.decode_readings import WHY
 from studies.sensitivity.made_sensors import MadeSensors, made_readings, made_sensors, nominal_sensor
 
 if TYPE_CHECKING:
+    from analytic.array_stream import Frame
     from analytic.decode import Decoded, Decoder
     from geometry.arrays import Array
 
@@ -117,6 +118,18 @@ class AtRest:
     def status(self, word: Status, probability: float, force: float) -> Status:
         """Return the status of a row by its force, N, and its probability: uncalibrated in place of ok."""
         return "uncalibrated" if word == "ok" and force > 0 and probability >= DOUBTFUL else word
+
+
+def frame_statuses(coder: Decoder, sizes: Tolerances = tolerances()) -> Callable[[Frame], list[Status]]:
+    """Return the function from a frame of an array to the statuses of its beams, each tested as a single sensor."""
+    at_rest = AtRest(coder, sizes)
+
+    def statuses(frame: Frame) -> list[Status]:
+        shares, forces = at_rest.probability(frame.own), np.linalg.norm(frame.force, axis=1)
+        words = zip(frame.status, shares.tolist(), forces.tolist(), strict=True)
+        return [at_rest.status(*word) for word in words]
+
+    return statuses
 
 
 def check(coder: Decoder, field: Array, decoded: Decoded, sizes: Tolerances = tolerances()) -> ToleranceCheck:

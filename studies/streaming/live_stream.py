@@ -26,11 +26,13 @@ from typing import TYPE_CHECKING, Any, TextIO
 import numpy as np
 
 from analytic import parts
+from analytic.beam_arrays import readings_in_poses
 from analytic.decode import field_of, state
 from analytic.hall import at_rail
 from analytic.inverse.forward_model import model, readings_at, readings_with_slopes
 from analytic.stream import Stream
 from analytic.time_series import RelaxingForce
+from geometry.array_design import ArrayDesign
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from studies import quantities
@@ -40,7 +42,8 @@ from studies.inputs.user_input import parse_numbers
 from studies.output import atomic_files, console
 from studies.output.result import Result
 from studies.sensing import decode_readings
-from studies.sensitivity.decode_tolerances import AtRest
+from studies.sensing.array_readings import ArrayDecoder
+from studies.sensitivity.decode_tolerances import AtRest, frame_statuses
 from studies.simulation import mechanics_sources
 from studies.streaming import frames, recording, sources
 from studies.streaming.clocks import Arrival, DeviceClock, Row
@@ -60,6 +63,11 @@ RECENT = 2000
 """Number of rows of which the latency is kept, and of which a zero is taken at most."""
 TARE = 0.5
 """Time, s, whose readings a zero takes when it is asked for."""
+Sensor = Design | ArrayDesign
+ONE_BEAM = (
+    "--calibration is of one sensor, and this design has a table [array]: decode by the design, or a beam by itself "
+    "with a file without that table"
+)
 FOUND = ("status", *(f"{name}_{axis}_{unit}" for name, unit in (("force", "N"), ("shift", "mm")) for axis in "xyz"))
 HALF = ("half_width_x_N", "half_width_y_N", "half_width_z_N")
 """Columns of a row: those of `decode --file`; with a calibration also half of the force's 90 % interval."""
@@ -210,6 +218,29 @@ class Regressed:
             yield status, *each[0], *[math.nan] * 3, *each[1]
 
 
+class Arrayed:
+    """Decodes frames of an array jointly; the force of a row is the sum over its beams, which have columns each."""
+
+    thermal = False
+
+    def __init__(self, array: ArrayDesign, options: Streaming, jitter: float) -> None:
+        source = mechanics_sources.source_of(array.design, options.source)
+        self.said = [*source.said, *[source.warning] * bool(source.warning)]
+        coder = decode_readings.prepare(array.design, source, reject_ambient=options.reject_ambient)
+        self._decoder = ArrayDecoder(array, coder, frame_statuses(coder), jitter)
+        self.columns = self._decoder.columns
+        rest = np.zeros((len(array), 3)), np.zeros((len(array), 2))
+        # what decodes is compiled before the first frame
+        self._decoder.stream.step(readings_in_poses(array, *rest)[0])
+
+    def zero(self, readings: Array, temperatures: Array) -> None:
+        self._decoder.stream.zero(self._decoder.fields(readings))
+
+    def rows(self, times: Sequence[float], readings: Array, temperatures: Array) -> Iterator[tuple[Any, ...]]:
+        for moment, fields in zip(times, self._decoder.fields(readings), strict=True):
+            yield self._decoder.row(fields, moment)
+
+
 def _loaded(stream: Stream) -> Stream:
     """Load, or after an installation compile, what decodes, so that no frame waits for that."""
     forward = stream.coder.forward
@@ -224,14 +255,20 @@ class Live:
     zero_asked : whether the readings of the last `TARE` are to be taken for those at rest, before the next row.
     """
 
-    def __init__(self, design: Design, options: Streaming) -> None:
+    def __init__(self, design: Sensor, options: Streaming) -> None:
         # the times of a file, and of a device, are those at which rows were measured
         jitter = 0.0 if options.clock or is_file(options) else JITTER
         self._of_frame, self._warmth = reader(design, options), thermometer(design, options)
+        self._decoder: Nominal | Calibrated | Regressed | Arrayed
         if options.calibration is None:
             if options.temperature is not None:
                 raise BadInput("--temperature works with --calibration only: leave it out")
-            self._decoder: Nominal | Calibrated | Regressed = Nominal(design, options, jitter)
+            if isinstance(design, ArrayDesign):
+                self._decoder = Arrayed(design, options, jitter)
+            else:
+                self._decoder = Nominal(design, options, jitter)
+        elif isinstance(design, ArrayDesign):
+            raise BadInput(ONE_BEAM)
         else:
             from studies.calibration import calibration_file
             from studies.calibration.sensor_fit import Fit
@@ -343,7 +380,7 @@ class Live:
         return whole
 
 
-def reader(design: Design, options: Streaming) -> Callable[[Sequence[float]], tuple[float, ...]]:
+def reader(design: Sensor, options: Streaming) -> Callable[[Sequence[float]], tuple[float, ...]]:
     """Return the function from the numbers of a frame to readings, in the elements' unit and order.
 
     Raises
@@ -378,7 +415,7 @@ def reader(design: Design, options: Streaming) -> Callable[[Sequence[float]], tu
     return readings
 
 
-def thermometer(design: Design, options: Streaming) -> Callable[[Sequence[float]], float] | None:
+def thermometer(design: Sensor, options: Streaming) -> Callable[[Sequence[float]], float] | None:
     """Return the function from the numbers of a frame to the temperature of the design's chips, C, if any."""
     if options.temperature is not None:
         warmth = options.temperature
@@ -392,7 +429,7 @@ def thermometer(design: Design, options: Streaming) -> Callable[[Sequence[float]
     return lambda numbers: sum(numbers[3 * len(numbers) // 4 + chip] for chip in wanted) / len(wanted)
 
 
-def chips(design: Design, options: Streaming) -> list[int]:
+def chips(design: Sensor, options: Streaming) -> list[int]:
     """Return which chips of a frame are those of the design, counted from 0."""
     count, most = len(parts.of_design(design)) // 3, frames.MOST_CHIPS
     given = [int(number) - 1 for number in parse_numbers("--chips", options.chips)] if options.chips else range(count)
@@ -408,7 +445,7 @@ def chips(design: Design, options: Streaming) -> list[int]:
     return list(given)
 
 
-def source_of(design: Design, options: Streaming) -> sources.Source:
+def source_of(design: Sensor, options: Streaming) -> sources.Source:
     """Open where the readings come from.
 
     Raises
@@ -431,7 +468,7 @@ def source_of(design: Design, options: Streaming) -> sources.Source:
     return port
 
 
-def _frames(design: Design, options: Streaming) -> frames.Frames:
+def _frames(design: Sensor, options: Streaming) -> frames.Frames:
     """Return what cuts the stream into frames."""
     names = parts.columns(parts.of_design(design))
     if options.frames == "lines" and options.axes is None:
@@ -452,9 +489,12 @@ def _frames(design: Design, options: Streaming) -> frames.Frames:
     return cut
 
 
-def rest_in_frames(design: Design, options: Streaming, width: int) -> list[float]:
+def rest_in_frames(design: Sensor, options: Streaming, width: int) -> list[float]:
     """Return what the chips of a frame send at rest, uT along their own x, y and z; 0 for other chips."""
-    read = readings_at(model(design), np.zeros((3, 1)))[:, 0].reshape(-1, 3)
+    if isinstance(design, ArrayDesign):
+        read = readings_in_poses(design, np.zeros((len(design), 3)), np.zeros((len(design), 2)))[0].reshape(-1, 3)
+    else:
+        read = readings_at(model(design), np.zeros((3, 1)))[:, 0].reshape(-1, 3)
     found = [0.0] * (3 * width)
     for chip, (down, x, y) in zip(chips(design, options), read.tolist(), strict=True):
         for (axis, sign), value in zip(frames.mounting(options.axes or AXES), (x, y, -down), strict=True):
@@ -590,7 +630,7 @@ def _ended_by_signals(ended: threading.Event) -> Iterator[None]:
             signal.signal(number, handler)
 
 
-def record(design: Design, decoding: Decoding, path: Path) -> None:
+def record(design: Sensor, decoding: Decoding, path: Path) -> None:
     """Write the rows of a table with times as an MCAP file.
 
     Raises

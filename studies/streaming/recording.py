@@ -18,6 +18,7 @@ from typing import Any
 
 from analytic import parts
 from analytic.decode import field_of
+from geometry.array_design import ArrayDesign
 from geometry.design import BadInput, Design
 from studies.output import atomic_files, console, own_files
 from studies.streaming.sources import Decoded, Sink
@@ -90,7 +91,7 @@ def growing(path: Path) -> Iterator[Path]:
 
 
 @contextlib.contextmanager
-def mcap_file(path: Path, design: Design, frame_id: str) -> Iterator[Sink]:
+def mcap_file(path: Path, design: Design | ArrayDesign, frame_id: str) -> Iterator[Sink]:
     """Yield a sink that writes an MCAP file.
 
     Topics: wrench, magnetic_field/NAME for each chip or element, and status (std_msgs/String) when it changes.
@@ -121,7 +122,7 @@ def mcap_file(path: Path, design: Design, frame_id: str) -> Iterator[Sink]:
 class Messages:
     """Messages of ROS 2 for decoded rows, as their fields; times begin with the clock of the first one."""
 
-    def __init__(self, design: Design, frame_id: str) -> None:
+    def __init__(self, design: Design | ArrayDesign, frame_id: str) -> None:
         self._elements = parts.of_design(design)
         self._groups, self._frame = grouped(self._elements), frame_id
         self._begun, self._status = time.time_ns(), ""

@@ -17,6 +17,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from analytic import parts
+from geometry.array_design import ArrayDesign
 from geometry.design import BadInput, Design
 from studies.inputs.table_input import number
 from studies.streaming.clocks import Arrival, DeviceClock, Row
@@ -153,7 +154,7 @@ class Replay:
         yield due
 
 
-def replayed(path: Path, design: Design, speed: float) -> Replay:
+def replayed(path: Path, design: Design | ArrayDesign, speed: float) -> Replay:
     """Return the rows of a CSV file with the columns of the design's elements and time_s, as `decode --file` reads.
 
     Behind the readings stands the temperature, C, NaN where there is none.
@@ -196,7 +197,7 @@ def captured(path: Path, frames: Frames, clock: DeviceClock | None, rate: float 
     return Replay(table, speed, frames.lost, frames.misfit, [] if clock is None else clock.remarks)
 
 
-def columns(design: Design) -> list[str]:
+def columns(design: Design | ArrayDesign) -> list[str]:
     """Return the columns of readings, such as S1_V or chip_x_T."""
     elements = parts.of_design(design)
     return [f"{name}_{e.unit}" for name, e in zip(parts.columns(elements), elements, strict=True)]

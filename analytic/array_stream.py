@@ -1,0 +1,122 @@
+"""Decoding of an array's frames one after the other: all beams jointly, each with a time series of its own.
+
+A frame starts from the poses of the one before. Where these do not lead to poses with the readings, it starts anew:
+each beam by itself, then less what its neighbours add in the poses so found, then all together. Beams that have no
+reading, or no pose by themselves, stay where they were last seen, and the others are decoded beside them.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analytic import beam_arrays
+from analytic.beam_arrays import BeamArray, readings_by_pairs
+from analytic.decode import Decoder, Status, rows_of, state
+from analytic.hall import at_rail
+from analytic.time_series import TimeSeries
+from geometry.arrays import Array
+
+
+class Frame(NamedTuple):
+    """Result of one frame of n beams; NaN where there is no pose. Units as in `analytic.decode.Decoded`.
+
+    own : what each beam reads of its own magnet, as one that lies as the design's, shape (n, k), T: the readings with
+        the zero, less what the other magnets add.
+    """
+
+    status: list[Status]
+    shift: Array
+    tilt: Array
+    force: Array
+    load: Array
+    own: Array
+
+
+class ArrayStream:
+    """Decoder of a time series of frames.
+
+    coder : of one beam. array : all of them.
+    jitter : of `analytic.time_series.RowChecks`.
+    """
+
+    def __init__(self, coder: Decoder, array: BeamArray, jitter: float = 0.0) -> None:
+        self.coder, self.array, self._jitter = coder, array, jitter
+        self.offset = np.zeros((len(array), len(coder.forward.elements)))
+        self._last = np.zeros((len(array), 3))
+        self._past: list[TimeSeries] | None = None
+
+    def zero(self, fields: Array) -> None:
+        """Take frames of readings (m, n, k), T, for those of the array at rest, where it has relaxed."""
+        rest = beam_arrays.readings_of_array(self.array, np.zeros((1, len(self.array), 3)))[0]
+        self.offset, self._past = np.asarray(rest - np.nanmean(fields, axis=0)), None
+
+    def step(self, fields: Array, time: float | None = None) -> Frame:
+        """Decode a frame of readings (n, k), T; `time`, s, is as in `analytic.stream.Stream.step`."""
+        fields = rows_of(self.coder, fields)
+        full = at_rail(self.coder.forward.elements, fields.T).any(axis=0)
+        lost = np.asarray(full | ~np.isfinite(fields).all(axis=1))
+        rows = np.where(lost[:, None], np.nan, fields + self.offset)
+        shift = self._poses(rows)
+        total, own = self._readings(shift)
+        found, fits = np.asarray(np.isfinite(shift[:, 2])), self._fits(rows - total)
+        shift[~fits] = np.nan
+        known = found & fits
+        self._last = np.where(known[:, None], shift, self._last)
+        tilt, force, load, _ = (values.T for values in state(self.coder, np.ascontiguousarray(shift.T)))
+        force[~known], load[~known], tilt[~known] = np.nan, np.nan, np.nan
+        pressed = np.asarray(np.isfinite(force[:, 2]) | (self.coder.mechanics is None))
+        flags = (full, np.isfinite(rows).all(axis=1), found, fits, pressed)
+        status = [_word(*each) for each in zip(*(flag.tolist() for flag in flags), strict=True)]
+        if time is not None:
+            self._past = self._past or [TimeSeries(self.coder, self._jitter) for _ in range(len(self.array))]
+            for k, series in enumerate(self._past):
+                status[k], force[k] = series.step(time, rows[k], status[k], force[k], load[k])
+        return Frame(status, shift, tilt, force, load, (rows - total + own) * self.array.poles[:, None])
+
+    def _poses(self, rows: Array) -> Array:
+        """Return the shifts (n, 3) with the readings (n, k), NaN for beams without any."""
+        readings, last = rows[None], self._last[None]
+        (found,) = beam_arrays.decoded_jointly(self.coder, self.array, readings, last)
+        given = np.isfinite(rows).all(axis=1)
+        if np.isfinite(found[given]).all() and self._fits(rows - self._readings(found)[0])[given].all():
+            return np.asarray(found)
+        # by themselves, with neighbours where they were last, and again with those found
+        for _ in range(2):
+            alone = beam_arrays.less_neighbours(self.coder, self.array, readings, last)
+            last = np.where(np.isfinite(alone.shift[None]), alone.shift[None], last)
+        held = np.where(np.isfinite(alone.shift[:, :1]), rows, np.nan)
+        return np.asarray(beam_arrays.decoded_jointly(self.coder, self.array, held[None], last)[0])
+
+    def _readings(self, shift: Array) -> tuple[Array, Array]:
+        """Return the readings (n, k), T, at shifts (n, 3), mm, and the part of each beam's own magnet; a beam without
+        a shift is where it was last."""
+        at = np.where(np.isfinite(shift), shift, self._last)
+        pairs, values, _ = readings_by_pairs(self.array, at[None], slopes=False)
+        total = np.zeros(self.offset.shape)
+        np.add.at(total, pairs[0], values[:, 0])
+        return total, values[pairs[0] == pairs[1], 0]
+
+    def _fits(self, misfit: Array) -> NDArray[np.bool_]:
+        """Return whether misfits (n, k), T, of more than three readings are within their bounds; not for NaN."""
+        if misfit.shape[1] == 3:
+            return np.asarray(np.isfinite(misfit).all(axis=1))
+        free = self.coder.goal.free
+        left = misfit @ free.T if len(free) else misfit
+        return np.asarray((np.abs(left) <= self.coder.goal.tolerance).all(axis=1))
+
+
+def _word(full: bool, given: bool, found: bool, fits: bool, pressed: bool) -> Status:
+    if not given:
+        return "saturated" if full else "not_finite"
+    if not found:
+        return "out_of_workspace"
+    if not fits:
+        return "inconsistent"
+    return "ok" if pressed else "tension"
+
+
+def decode_frames(stream: ArrayStream, fields: Array, times: Array | None = None) -> list[Frame]:
+    """Decode frames (f, n, k), T, one after the other, at times (f,), s, if they are known."""
+    moments = [None] * len(fields) if times is None else times.tolist()
+    return [stream.step(frame, moment) for frame, moment in zip(fields, moments, strict=True)]
