@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 from geometry.arrays import Array
 from geometry.design import BadInput
 from studies.inputs import study_input
+from studies.inputs.user_input import Value
 from studies.mechanics.model import Model
 from studies.mechanics.study_cases import Columns, Plan
 from studies.models import kind_of, kinds
@@ -204,6 +205,7 @@ class Answers:
     change : by model and quantity change from rest, shape (n, parts), whose errors are stated.
     words : columns of texts that belong to a quantity.
     late : columns of fields that follow from others, behind the answers.
+    fixed : values of fields that all cases share, by their columns, from which answers may be derived.
     solves : columns that say how a row was solved.
     """
 
@@ -221,6 +223,7 @@ class Answers:
     change: dict[tuple[str, str], Array] = field(default_factory=dict)
     words: dict[str, Columns] = field(default_factory=dict)
     late: Columns = field(default_factory=dict)
+    fixed: Mapping[str, Value] = field(default_factory=dict)
     solves: Columns = field(default_factory=dict)
     _errors: dict[str, dict[tuple[str, str], Array]] = field(default_factory=dict)
 
@@ -278,7 +281,7 @@ class Answers:
         """Return the values of a model and a quantity, shape (n, parts)."""
         quantity = QUANTITIES[key[1]]
         if key not in self.value and quantity.derive:
-            of = dict(self.cases)
+            of = {name: np.full(len(self), value) for name, value in self.fixed.items()} | self.late | self.cases
             for (model, name), values in self.value.items():
                 if model == key[0]:
                     of |= {part.column: column for part, column in zip(self.parts_of(name), values.T, strict=True)}

@@ -29,7 +29,7 @@ DECLARED = {
     ),
     "studies/quantities.py": (
         '    Quantity("readings"',
-        '    Quantity("sag", (Part("sag", "mm", "sag of a pad"),), derive=lambda of: of["force_N"] / 2),\n',
+        '    Quantity("sag", (Part("sag", "mm", "sag of a pad"),), derive=lambda x: x["force_N"] / x["pad_mm"]),\n',
     ),
     "studies/parts/requirements.py": (
         "    D_low: float | None",
@@ -135,7 +135,7 @@ def said(*words):
 cases = pd.DataFrame({"pad_mm": [1.0, 2.0], "lift_N": 0.5, "depth_mm": 0.5})
 answers = magtip.answer(cases, ["finite"], quantities=["force", "sag"])
 sprung = magtip.answer(pd.DataFrame({"L_mm": [9.0, 12.0, 1.0], "depth_mm": 0.5}), ["finite", "spring"],
-                       reference="spring", quantities=["force", "stiffness"])
+                       reference="spring", quantities=["force", "stiffness", "sag"])
 try:
     magtip.answer(cases, ["sprung"])
 except magtip.BadInput as error:
@@ -279,10 +279,10 @@ def test_a_derived_quantity_has_columns_headings_help_and_a_title(copy):
 def test_a_derived_quantity_is_in_the_json_and_the_table_of_solve_and_on_the_page(copy):
     _, found = copy
     state = json.loads(found["state"][1])
-    assert state["sag_mm"] == state["force_N"][2] / 2
+    assert state["sag_mm"] == state["force_N"][2]
     assert f"sag {state['sag_mm']:.5g} mm" in " ".join(found["upright"][1].split())
     table = {row["name"]: row for row in found["page"]["tables"]["response"]["rows"]}
-    assert (table["sag"]["value"], table["sag"]["unit"]) == (table["normal force"]["value"] / 2, "mm")
+    assert (table["sag"]["value"], table["sag"]["unit"]) == (table["normal force"]["value"], "mm")
 
 
 def test_a_model_has_columns_status_and_errors_in_answers(copy):
@@ -290,6 +290,7 @@ def test_a_model_has_columns_status_and_errors_in_answers(copy):
     answers = found["sprung"]
     assert answers["spring_force_N"][:2] == [4.5, 6.0]
     assert answers["spring_stiffness_N_per_mm"][:2] == [9.0, 12.0]
+    assert answers["spring_sag_mm"][:2] == answers["spring_force_N"][:2]
     assert answers["spring_status"] == answers["analytic_status"] == ["ok", "ok", "bad_input"]
     assert answers["turns"][:2] == [9 / 8, 12 / 8]
     assert answers["wire"] == ["steel", "steel", ""]

@@ -24,7 +24,6 @@ from fem.solve.load_stepping import Path
 from fem.solve.newton import STOPPED
 from fem.solve.press import solve_press
 from geometry.design import Design, paper
-from geometry.design_digest import of_mechanics
 from geometry.loads import Load
 from studies.simulation import state_rows
 
@@ -59,7 +58,7 @@ def test_the_onset_is_a_fact_in_mm_and_a_sentence(pressed):
     assert (state.facts.onset, state.facts.onset_mm, state.facts.stability) == ("depth", (0.2, 0.3), Stability(2))
     assert state.status == "unstable"
     assert state.message.startswith("unstable since a depth between 0.2 and 0.3 mm (2 unstable directions)")
-    row = state_rows.solved_row(state, of_mechanics(paper()))
+    row = state_rows.solved_row(paper(), "rigid", state)
     assert (row["onset_depth_from_mm"], row["onset_depth_to_mm"]) == (0.2, 0.3)
     assert row["onset_shear_from_mm"] is None
     # the skin has no creases here
@@ -81,7 +80,7 @@ def test_a_press_says_how_near_it_is_to_giving_way_sideways(depth, remark):
     assert state.status == {"guided_only": "unstable", "guided_doubtful": "unknown"}.get(remark, "ok")
     if remark != "guided_doubtful":
         assert (state.facts.sideways_stiffness_ratio > 0) is (depth < 2.87)
-    row = state_rows.solved_row(state, of_mechanics(paper()))
+    row = state_rows.solved_row(paper(), "rigid", state)
     assert row["critical_depth_mm_estimate"] == state.facts.critical_depth
     if remark is None:
         assert state.facts.sideways_stiffness_ratio > 0.4

@@ -128,7 +128,7 @@ def test_a_state_without_a_pose_keeps_its_row(run, strict, tmp_path):
     ],
 )
 def test_a_load_comes_back_from_a_file_as_it_was(tmp_path, load):
-    row = state_rows.state_row(load, Response((0.0,) * 3, (0.0,) * 3, 0.0, 0.0, 0.0), "paper", LABEL)
+    row = state_rows.state_row(paper(), "rigid", load, Response((0.0,) * 3, (0.0,) * 3, 0.0, 0.0, 0.0), "paper")
     file = tmp_path / "states.jsonl"
     file.write_text(json.dumps(row | LABEL))
     (state,) = table_input.read_states(file, paper())

@@ -85,7 +85,7 @@ def test_a_stored_quantity_is_an_attribute_and_a_row(monkeypatch, tmp_path):
     assert after["fem_load_number_MPa"].tolist() == [0.125, 0.25]
     assert after["fem_force_N"].to_numpy() == pytest.approx(before["fem_force_N"].to_numpy(), rel=1e-10)
     state = magtip.solve(magtip.paper(E=2.0), depth=0.1, accuracy="quick")
-    assert state_rows.solved_row(state, {"D_mm": 8.0, "E_MPa": 2.0})["load_number_MPa"] == 0.5
+    assert state_rows.solved_row(magtip.paper(E=2.0), "rigid", state)["load_number_MPa"] == 0.5
 
 
 def test_stored_values_have_bars_in_charts():

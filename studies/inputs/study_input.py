@@ -175,6 +175,15 @@ def values_of(load: Load) -> dict[str, Any]:
     }
 
 
+def columns_of(design: Design) -> dict[str, Value]:
+    """Return the values of a design by the columns of its fields.
+
+    >>> columns_of(Design(D=10.0))["D_mm"]
+    10.0
+    """
+    return {column(name): getattr(design, name) for name in DESIGN}
+
+
 def column(name: str) -> str:
     """Return the name of an axis' column, with its unit.
 

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from fem.solution import ForceOutOfReach, Solution
-from geometry import design_digest
 from geometry.bad_input import SolveFailed
 from geometry.design import BadInput, Design
 from geometry.loads import Load
@@ -294,19 +293,19 @@ def _rows(
 ) -> Generator[FlatRow]:
     last: Solution | None = None
     reached = 0
-    made_for = design_digest.of_mechanics(design, method.magnet)
     with atomic_files.sole_writer(vtu, png):
         try:
             for last in states:
                 reached += 1
-                yield state_rows.solved_row(last, made_for)
+                yield state_rows.solved_row(design, method.magnet, last)
         except SolveFailed as error:
             # no mesh, for instance: the row says so, and the exit status is that of a failed solve
             lost: dict[str, Any] = {"status": "not_converged", "message": str(error), "stop": "no_mesh"}
-            yield state_rows.state_row(loads[reached], None, method.model, made_for, **lost)
+            yield state_rows.state_row(design, method.magnet, loads[reached], None, method.model, **lost)
         except ForceOutOfReach as error:
             last, reached = error.state, reached + 1
-            yield state_rows.solved_row(last, made_for) | {"status": "out_of_reach", "message": str(error)}
+            row = state_rows.solved_row(design, method.magnet, last)
+            yield row | {"status": "out_of_reach", "message": str(error)}
         finally:
             if last is not None and (vtu or png):
                 _show(last, targets[reached - 1] if targets else None, design, method, vtu, png)
@@ -404,7 +403,6 @@ def analytic(design: Design, load: Load, level: str) -> Result:
     response = beam.solve(design, load, level)
     readings = hall.readings(design, response) if design.shape.has_magnet else None
     warnings = field_readings.warnings(design, readings, response.shift, response.rotation) if readings else []
-    made_for = design_digest.of_mechanics(design, "ignored" if readings is None else "rigid")
     said = beam.outside(design, load, level)
-    row = state_rows.formula_row(load, response, readings, made_for, level=level, message=said, warnings=warnings)
+    row = state_rows.formula_row(design, load, response, readings, level=level, message=said, warnings=warnings)
     return of_record("Formulas", row, (*state_rows.FACTS, "made_for"))

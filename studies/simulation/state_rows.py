@@ -16,9 +16,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from geometry import design_digest
-from geometry.design import REFERENCE_TEMPERATURE, modulus_at
-from geometry.design_digest import Fields
-from geometry.loads import Load, Response
+from geometry.design import Design
+from geometry.loads import Load, Magnet, Response
 from studies.answers import STATED
 from studies.inputs import study_input
 from studies.inputs.study_input import OF_STATES
@@ -64,10 +63,11 @@ are relative, but for the share that slips. Models with errors state those of `S
 of motions that wanted forces have led to."""
 
 
-def state_row(load: Load, response: Response | None, model: str, made_for: Fields, **known: Any) -> FlatRow:
+def state_row(
+    design: Design, magnet: Magnet, load: Load, response: Response | None, model: str, **known: Any
+) -> FlatRow:
     """Return the row of one state of a path, whose response is None where it was not solved.
 
-    made_for : fields of the design that the state depends on.
     known : values of other columns; the others are those of a state without a solve by finite elements.
     """
     row: FlatRow = {
@@ -86,18 +86,18 @@ def state_row(load: Load, response: Response | None, model: str, made_for: Field
         **dict.fromkeys(FACTS),
         **stored_columns({}, {}, 1.0, 1.0),
     }
-    return _with_derived(row | known, load, response, made_for)
+    return _with_derived(row | known, design, magnet, load, response)
 
 
-def solved_row(state: Solution, made_for: Fields) -> FlatRow:
+def solved_row(design: Design, magnet: Magnet, state: Solution) -> FlatRow:
     """Return the row of a state by finite elements."""
-    E = modulus_at(made_for["E_MPa"], made_for.get("temperature_degC", REFERENCE_TEMPERATURE))
     facts, estimates = asdict(state.facts), asdict(state.estimates)
     return state_row(
+        design,
+        magnet,
         state.load,
         state.response,
         state.model,
-        made_for,
         status=state.status,
         message=state.message,
         slip_share=state.slip_share,
@@ -108,21 +108,22 @@ def solved_row(state: Solution, made_for: Fields) -> FlatRow:
         newton_iterations=state.newton_iterations,
         seconds=state.seconds,
         **_fact_columns(state.facts),
-        **stored_columns(facts, estimates, E, float(made_for["D_mm"])),
+        **stored_columns(facts, estimates, design.E_now, design.D),
     )
 
 
-def answered_row(load: Load, answer: Answer, model: str, made_for: Fields, seconds: float) -> FlatRow:
+def answered_row(design: Design, magnet: Magnet, load: Load, answer: Answer, model: str, seconds: float) -> FlatRow:
     """Return the row of an answer by a model that solves nothing; of the surrogate its error estimates are the half
     widths of its 90 % intervals.
     """
     force = None if math.isnan(answer.error_estimate) else answer.error_estimate
     estimates: FlatRow = {**answer.estimates, "force": force}
     return state_row(
+        design,
+        magnet,
         load,
         answer.response,
         model,
-        made_for,
         message=answer.message,
         **{estimate_column(name): estimates.get(name) for name in STATED},
         seconds=seconds,
@@ -131,10 +132,10 @@ def answered_row(load: Load, answer: Answer, model: str, made_for: Fields, secon
 
 
 def formula_row(
+    design: Design,
     load: Load,
     response: Response,
     readings: Readings | None,
-    made_for: Fields,
     *,
     level: str,
     message: str,
@@ -155,7 +156,7 @@ def formula_row(
         "saturated": readings and list(readings.saturated),
         "warnings": warnings,
     }
-    return _with_derived(row, load, response, made_for)
+    return _with_derived(row, design, "ignored" if readings is None else "rigid", load, response)
 
 
 def _load_columns(load: Load) -> FlatRow:
@@ -174,14 +175,14 @@ def _response_columns(response: Response | None) -> FlatRow:
     }
 
 
-def _with_derived(row: FlatRow, load: Load, response: Response | None, made_for: Fields) -> FlatRow:
+def _with_derived(row: FlatRow, design: Design, magnet: Magnet, load: Load, response: Response | None) -> FlatRow:
     """Return a row with what is derived from its fields and answers, None where it is unknown, and with the label."""
     given = {study_input.column(name): value for name, value in study_input.values_of(load).items()}
     numbers = (math.nan,) * 9 if response is None else response.numbers
-    of = {**design_digest.LATER, **made_for, **row, **given, **response_columns(numbers)}
+    of = {**study_input.columns_of(design), **row, **given, **response_columns(numbers)}
     found = derived_columns({name: np.array([math.nan if value is None else value]) for name, value in of.items()})
     derived = {name: None if math.isnan(value) else float(value) for name, (value,) in found.items()}
-    return row | derived | design_digest.label(made_for)
+    return row | derived | design_digest.label(design_digest.of_mechanics(design, magnet))
 
 
 def _fact_columns(facts: Facts) -> FlatRow:

@@ -9,7 +9,6 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
-from geometry import design_digest
 from geometry.design import BadInput, Design
 from geometry.loads import ANSWERED, Load, Magnet
 from geometry.messages import Progress
@@ -164,8 +163,7 @@ def _answered_row(design: Design, load: Load, magnet: Magnet, choice: Choice) ->
     begin = time.perf_counter()
     (answer,) = model_of(choice).answers([Problem(design, load, magnet, "", STILL)], lambda _: None)
     assert isinstance(answer, Answer)
-    made_for = design_digest.of_mechanics(design, magnet)
-    return state_rows.answered_row(load, answer, choice.name, made_for, time.perf_counter() - begin)
+    return state_rows.answered_row(design, magnet, load, answer, choice.name, time.perf_counter() - begin)
 
 
 def choose_accuracy(design: Design, paths: Sequence[Sequence[Load]], text: str) -> Choice:

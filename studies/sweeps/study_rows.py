@@ -63,6 +63,8 @@ class Rows:
         plan, states = self.plan, {model.name: given[model.name] for model in self.plan.models}
         stating = {model.name: states[model.name] for model in plan.models if model.states_errors}
         found = Answers(self._columns, plan.quantities, self._axis_columns(batch), plan.loads_sideways)
+        unloaded = {study_input.column(name): 0.0 for name in study_input.NUMBERS}
+        found.fixed = study_input.columns_of(plan.design) | unloaded
         for model, answers in states.items():
             _add_responses(found, batch, model, answers)
         for model, answers in stating.items():

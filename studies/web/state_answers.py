@@ -23,7 +23,6 @@ from fem.accuracy import LEVELS
 from fem.equilibrium import walk
 from fem.scene import Scene
 from fem.solution import Solution
-from geometry import design_digest
 from geometry.arrays import Array
 from geometry.bad_input import SolveFailed
 from geometry.design import BadInput, Design
@@ -88,7 +87,7 @@ def numbers(
     if made is not None:
         felt, own = response_of_made_sensor(solution.response, design, made)
         data, solution = data | _of_made_sensor(data, made, felt, own), replace(solution, response=felt)
-    row = state_rows.solved_row(solution, design_digest.of_mechanics(design, state.magnet))
+    row = state_rows.solved_row(design, state.magnet, solution)
     tables = {
         "response": _response_table(data, row),
         "readings": _readings_table(data),

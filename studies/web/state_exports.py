@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from analytic import buckling
-from geometry import design_digest
 from geometry.compiled import cores
 from geometry.design import BadInput, Design
 from geometry.loads import Load
@@ -218,7 +217,7 @@ def of_solution(name: str, state: ExplorerState, solution: Solution, made: Fit |
         response, of_sensor = response_of_made_sensor(solution.response, state.design, made)
         solution = dataclasses.replace(solution, response=response)
 
-    row = state_rows.solved_row(solution, design_digest.of_mechanics(state.design, state.magnet))
+    row = state_rows.solved_row(state.design, state.magnet, solution)
     made_for = row.pop("made_for", {})
     if state.design.shape.has_magnet:
         readings = hall.readings(state.design, solution.response)
