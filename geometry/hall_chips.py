@@ -37,13 +37,33 @@ def least_radius(count: int, length: float, width: float) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Pads:
-    """Two rows of `pins` pads each, mm: `pitch` along x, `rows` apart along y, `length` of a pad along y."""
+    """Two rows of `pins` pads each, mm: `pitch` along x, `rows` apart along y, `length` of a pad along y.
+
+    With `centre`, two more rows stand `rows` apart along x, and a square pad of this side is in the middle.
+    """
 
     pins: int
     pitch: float
     rows: float
     length: float
     width: float
+    centre: float = 0.0
+
+    def boxes(self) -> list[tuple[float, float, float, float]]:
+        """Return the middle (x, y) of each pad and its size along x and y, pin 1 first, then counter-clockwise."""
+        along = [(k - (self.pins - 1) / 2) * self.pitch for k in range(self.pins)]
+        end, long, wide = self.rows / 2, self.length, self.width
+        low, high = [(at, -end, wide, long) for at in along], [(at, end, wide, long) for at in reversed(along)]
+        if not self.centre:
+            return [*low, *high]
+        right, left = [(end, at, long, wide) for at in along], [(-end, at, long, wide) for at in reversed(along)]
+        return [*low, *right, *high, *left, (0.0, 0.0, self.centre, self.centre)]
+
+    @property
+    def size(self) -> tuple[float, float]:
+        """Size of all pads along x and y, mm."""
+        across = self.rows + self.length
+        return (across if self.centre else (self.pins - 1) * self.pitch + self.width), across
 
 
 @dataclass(frozen=True, slots=True)

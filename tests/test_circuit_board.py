@@ -292,6 +292,25 @@ def test_each_of_two_chips_whose_supply_sets_the_address_has_its_own():
     assert {pad.net for part in made.parts for pad in part.pads if part.reference[0] == "R"} == {"VDD2", "SDA", "SCL"}
 
 
+def test_a_chip_that_is_addressed_by_pins_has_them_on_ground_or_supply():
+    """A0 (pin 12) and A1 (pin 11) of the MLX90393 are the last two bits of 0x0C to 0x0F."""
+    design = Design(hall_layout="mlx90393", chip_count=4, chip_x=7.0, l0=8.0)
+    made = circuit_board.board(design, base.plan(design, base.Base()))
+    chips = [{pad.number: pad.net for pad in part.pads} for part in made.parts if part.reference[0] == "U"]
+    bits = [(nets["11"], nets["12"]) for nets in chips]
+    assert bits == [("GND", "GND"), ("GND", "VDD"), ("VDD", "GND"), ("VDD", "VDD")]
+    assert made.addresses == ("0x0C", "0x0D", "0x0E", "0x0F")
+    assert [nets["2"] for nets in chips] == 4 * ["VDD"]
+    u, v = by_name(made)["U1"].at
+    # seen from above, pins run counter-clockwise from the one at the least x and y
+    at = {pad.number: (pad.at[0] - u, pad.at[1] - v) for pad in by_name(made)["U1"].pads}
+    assert at["1"] == pytest.approx((-0.75, -1.435))
+    assert at["5"] == pytest.approx((1.435, -0.75))
+    assert at["9"] == pytest.approx((0.75, 1.435))
+    assert at["13"] == pytest.approx((-1.435, 0.75))
+    assert at["17"] == (0.0, 0.0)
+
+
 # Refusals
 
 
@@ -299,14 +318,25 @@ def test_each_of_two_chips_whose_supply_sets_the_address_has_its_own():
     ("words", "reason"),
     [
         ("paper --thickness 1", "thickness of the board must be 0.8 or 1.6 mm; got 1 mm"),
-        ("paper --set hall_layout=mlx90393 --set l0=7.5 --set chip_noise=1e-6", "no footprint of mlx90393 is known"),
+        (
+            "paper --set hall_layout=als31300-500 --set l0=8 --set chip_noise=1e-5",
+            "no footprint of als31300-500 is known: set hall_layout",
+        ),
+        (
+            "paper --set hall_layout=tmag5170a1 --set l0=8",
+            "no circuit of tmag5170a1 is known: set hall_layout to one of",
+        ),
+        (
+            "paper --set hall_layout=mlx90393 --set l0=7.5 --set chip_noise=1e-6",
+            "to the screw hole at 4.67, -4.67: set a larger base (--base outer=16.5)",
+        ),
         (
             "paper --set hall_layout=tlv493d-a1b6 --set chip_count=3 --set chip_x=5 --set l0=7.5",
             "3 chips tlv493d-a1b6 cannot share a bus, as they have 2 addresses, 0x5E, 0x1F: take tle493d-w2b6",
         ),
         (
             "paper --set hall_layout=tmag5273a1 --set chip_count=4 --set chip_x=3.8 --set l0=7.5",
-            "less than 0.15 mm: set chip_x to 4.3 mm or more, or a larger base (--base outer=...)",
+            "less than 0.15 mm: set chip_x to 4.3 mm or more",
         ),
         ("paper --base outer=5", "outer must be at least"),
         ("fingertip --axis D=6,7", "board takes no --axis"),

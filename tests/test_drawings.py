@@ -16,7 +16,7 @@ from geometry.bad_input import SolveFailed
 from geometry.base import Base, base, plan
 from geometry.design import Design, paper
 from geometry.fabrication import magnet_jig
-from geometry.fabrication.board_drawing import LAYERS, board, pads
+from geometry.fabrication.board_drawing import LAYERS, board, chip_pads, pads
 from geometry.fabrication.hall_elements import bodies, places
 from geometry.fabrication.mold_solids import closed_mold, halves
 from geometry.fabrication.technical_drawing import HEIGHT, WIDTH, Piece, View, number, sheet
@@ -204,21 +204,24 @@ def test_pads_and_capacitor_of_a_chip_lie_in_its_pocket(layout, process):
     (pocket,) = plan(design, Base(), process).seats.bodies.values()
     (left, near, _), (wide, deep, high) = pocket.corner, pocket.sides
     chip = CHIPS[layout]
-    for x, y in pads(design):
-        assert left < x - chip.pads.width / 2
-        assert x + chip.pads.width / 2 < left + wide
-        assert near < y - chip.pads.length / 2
-        assert y + chip.pads.length / 2 < near + deep
+    assert pads(design) == [(x, y) for x, y, *_ in chip_pads(design)]
+    for x, y, a, b in chip_pads(design):
+        assert left < x - a / 2
+        assert x + a / 2 < left + wide
+        assert near < y - b / 2
+        assert y + b / 2 < near + deep
     assert (wide, deep, high) > chip.body
     assert "on the underside of the board" in board(design, plan(design, Base()))
 
 
 @pytest.mark.parametrize("layout", [layout for layout, chip in CHIPS.items() if chip.pads])
-def test_a_chip_has_two_rows_of_separate_pads_around_its_plates(layout):
+def test_a_chip_has_rows_of_separate_pads_around_its_plates(layout):
     design = Design(hall_layout=layout, l0=9.0, chip_x=1.5)
     row, (x, y, _) = CHIPS[layout].pads, places(design)[layout]
     drawing = board_of(design)
-    assert len(drawing.modelspace().query('LWPOLYLINE[layer=="PADS"]')) == 2 * row.pins
+    count = 4 * row.pins + 1 if row.centre else 2 * row.pins
+    assert len(drawing.modelspace().query('LWPOLYLINE[layer=="PADS"]')) == count
     wide, tall = ((row.pins - 1) * row.pitch + row.width) / 2, (row.rows + row.length) / 2
+    wide = tall if row.centre else wide
     assert extents(drawing, "PADS") == pytest.approx([x - wide, y - tall, x + wide, y + tall])
     assert row.width < row.pitch

@@ -64,24 +64,21 @@ def board(design: Design, plan: Plan) -> str:
 
 
 def pads(design: Design) -> list[tuple[float, float]]:
-    """Return the centres of all pads (x, y), mm; of three elements by element in turn, S1 or the first chip first."""
+    """Return the centres (x, y) of all pads, mm, by element, S1 or the first chip first; those of a chip by pins."""
     if design.hall_layout != "three":
-        row = design.chip.pads
-        if row is None:
-            return []
-        along = [(k - (row.pins - 1) / 2) * row.pitch for k in range(row.pins)]
-        return [
-            (at[0] + x, at[1] + side * row.rows / 2)
-            for at in chip_centres(design).values()
-            for side in (-1, 1)
-            for x in along
-        ]
+        return [(x, y) for x, y, *_ in chip_pads(design)]
     p = SS495A
     # the leads of S2 and S3 go straight down; those of S1 leave towards -x and are bent down in their channel, 2 mm
     # from the body: a bend closer to it may crack it
     bend, down = -p.height / 2 - 2.0, design.f - p.depth + p.thickness / 2
     across = [k * p.pitch for k in (-1, 0, 1)]
     return [(bend, y) for y in across] + [(down, y) for y in across] + [(x, down) for x in across]
+
+
+def chip_pads(design: Design) -> list[tuple[float, float, float, float]]:
+    """Return the centre of each pad of the chips, and its size along x and y, mm, pin 1 of the first chip first."""
+    boxes = design.chip.pads.boxes() if design.chip.pads else []
+    return [(u + x, v + y, a, b) for u, v in chip_centres(design).values() for x, y, a, b in boxes]
 
 
 def _leaded(space: Any, design: Design) -> None:
@@ -109,9 +106,8 @@ def _chip(space: Any, design: Design) -> None:
         _rectangle(space, "HALL", x, y, chip.body[0], chip.body[1])
         if chip.pads:
             _text(space, "1", x - chip.body[0] / 2 - LETTER, y - chip.pads.rows / 2 - LETTER / 2)
-    for x, y in pads(design):
-        assert chip.pads is not None
-        _rectangle(space, "PADS", x, y, chip.pads.width, chip.pads.length)
+    for box in chip_pads(design):
+        _rectangle(space, "PADS", *box)
 
 
 def _axes(space: Any, half: float) -> None:

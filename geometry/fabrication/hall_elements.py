@@ -278,8 +278,8 @@ def chip_seats(design: Design, fit: float, thickness: float) -> Seats:
             f"got {design.l0:g} mm"
         )
     # the solder on the pads is wider than the chip
-    a = max(length, (pads.pins - 1) * pads.pitch + pads.width if pads else 0.0) / 2 + fit
-    b = max(width, pads.rows + pads.length if pads else 0.0) / 2 + fit
+    wide, deep = pads.size if pads else (0.0, 0.0)
+    a, b = max(length, wide) / 2 + fit, max(width, deep) / 2 + fit
     least = least_radius(count, 2 * a + WEB, 2 * b + WEB)
     if not abs(design.chip_x) >= least - CLOSE:
         raise BadInput(

@@ -29,11 +29,13 @@ from geometry.design import BadInput, Design
 from geometry.fabrication import board_drawing, hall_elements
 from geometry.fabrication.hall_elements import SS495A
 from studies.fabrication import board_layers
-from studies.fabrication.board_layers import CLEARANCE, EDGE, VIA, Board, Edge, NoRoom, Pad, Part, Track, Via
+from studies.fabrication.board_layers import CLEARANCE, EDGE, TRACK, VIA, Board, Edge, NoRoom, Pad, Part, Track, Via
 from studies.parts import catalogues
 
 if TYPE_CHECKING:
     from shapely import Polygon
+
+    from geometry.hall_chips import Pads
 
 THICKNESSES = (0.8, 1.6)
 """Thicknesses of the board to choose from."""
@@ -80,8 +82,10 @@ def circuit_of(design: Design) -> Circuit:
     """Return the circuit of a design's Hall parts; BadInput where there is none, or chips cannot share a bus."""
     known, layout, count = circuits(), design.hall_layout, int(design.chip_count)
     if layout not in known or (layout != "three" and design.chip.pads is None):
+        known_pads = layout != "three" and design.chip.pads is not None
+        lacking = "circuit" if known_pads else "footprint"
         raise BadInput(
-            f"no footprint of {layout} is known: set hall_layout to one of {', '.join(known)}, or draw the board by "
+            f"no {lacking} of {layout} is known: set hall_layout to one of {', '.join(known)}, or draw the board by "
             "the base's board.dxf (magtip cad)"
         )
     circuit = known[layout]
@@ -96,8 +100,9 @@ def circuit_of(design: Design) -> Circuit:
 # The board
 
 
-FARTHER = 40
-"""Number of steps of 0.1 mm by which chips are moved outwards to find the least place with room."""
+FARTHER, WIDER = 40, 12
+"""Numbers of steps of 0.1 mm by which chips are moved outwards, and of 0.5 mm by which a base is made larger, to find
+the least place with room."""
 
 
 def plan_and_board(design: Design, choices: Base, process: str, thickness: float = 1.6) -> tuple[Plan, Board]:
@@ -108,21 +113,33 @@ def plan_and_board(design: Design, choices: Base, process: str, thickness: float
     try:
         return plan, board(design, plan, thickness)
     except NoRoom as error:
-        several = design.hall_layout != "three" and design.chip_count > 1
-        remedy = "a larger f, or " if design.hall_layout == "three" else ""
-        remedy = _farther(design, choices, process) if several else remedy
-        raise BadInput(f"{error}: set {remedy}a larger base (--base outer=...)") from None
+        remedies = list(_remedies(design, choices, process)) or ["a larger base (--base outer=...)"]
+        raise BadInput(f"{error}: set {', or '.join(remedies)}") from None
 
 
-def _farther(design: Design, choices: Base, process: str) -> str:
-    """Return the least chip_x with room for the tracks, as words of a remedy; "" if none is near."""
-    for k in range(1, FARTHER):
-        x = math.copysign(round(abs(design.chip_x) + k / 10, 1), design.chip_x)
-        wider = dataclasses.replace(design, chip_x=x)
-        with contextlib.suppress(BadInput):
-            wired(wider, base.plan(wider, choices, process))
-            return f"chip_x to {x:g} mm or more, or "
-    return ""
+def _remedies(design: Design, choices: Base, process: str) -> Iterator[str]:
+    """Yield the least chip_x and the least side or diameter of a base with room for the tracks, where one is near."""
+    if design.hall_layout == "three":
+        yield "a larger f"
+    elif design.chip_count > 1:
+        for k in range(1, FARTHER):
+            x = math.copysign(round(abs(design.chip_x) + k / 10, 1), design.chip_x)
+            if _has_room(dataclasses.replace(design, chip_x=x), choices, process):
+                yield f"chip_x to {x:g} mm or more"
+                break
+    least = 2 * base.plan(design, choices, process).half
+    for k in range(1, WIDER):
+        outer = math.ceil(2 * least + k) / 2
+        if _has_room(design, dataclasses.replace(choices, outer=outer), process):
+            yield f"a larger base (--base outer={outer:g})"
+            break
+
+
+def _has_room(design: Design, choices: Base, process: str) -> bool:
+    with contextlib.suppress(BadInput):
+        wired(design, base.plan(design, choices, process))
+        return True
+    return False
 
 
 def board(design: Design, plan: Plan, thickness: float = 1.6) -> Board:
@@ -372,7 +389,7 @@ def _digital(design: Design, plan: Plan, circuit: Circuit) -> Board:
     """Return the board of chips; the bus takes the first gap between or beside them in which no rule is broken."""
     chip, count = design.chip, int(design.chip_count)
     assert chip.pads is not None
-    half = (chip.pads.pins - 1) / 2 * chip.pads.pitch + chip.pads.width / 2
+    half = chip.pads.size[0] / 2 + (CLEARANCE + VIA + 0.05 if chip.pads.centre else 0.0)
     across = sorted({x for x, _ in hall_elements.chip_centres(design).values()})
     # of two supplies, that of the chip on the left is the left column
     first, *others = reversed(dict.fromkeys(names := _supplies(circuit, count)))
@@ -398,64 +415,25 @@ def _supplies(circuit: Circuit, count: int) -> list[str]:
 def _bus(
     design: Design, plan: Plan, circuit: Circuit, names: Sequence[str], nets: Sequence[str], lane: float
 ) -> Board:
-    chip = design.chip
-    assert chip.pads is not None
-    p, outer = chip.pads, chip.pads.rows / 2 + chip.pads.length / 2
+    pads = design.chip.pads
+    assert pads is not None
     columns = {net: lane + (k - (len(nets) - 1) / 2) * COLUMN for k, net in enumerate(nets)}
     header = _header(plan, ("GND", *nets), lane - 1.27)
     parts: list[Part] = []
     tracks: list[Track] = []
     vias: list[Via] = []
     top = dict.fromkeys(nets, -math.inf)
-    pads = board_drawing.pads(design)
     for k, (x, y) in enumerate(hall_elements.chip_centres(design).values()):
-        low, high = (
-            pads[2 * p.pins * k : 2 * p.pins * k + p.pins],
-            pads[2 * p.pins * k + p.pins : 2 * p.pins * (k + 1)],
-        )
-        pins = [names[k] if net == "VDD" else net for net in circuit.pins]
-        own = tuple(
-            Pad(str(number), net, at, (p.width, p.length))
-            for number, (net, at) in enumerate(zip(pins, [*low, *reversed(high)], strict=True), 1)
-        )
-        a, b, tall = chip.body
-        body = (x - a / 2, y - b / 2, x + a / 2, y + b / 2, tall)
-        parts.append(
-            Part(
-                f"U{k + 1}",
-                circuit.orders[k],
-                circuit.package,
-                (x, y),
-                circuit.turn,
-                False,
-                own,
-                body,
-                circuit.orders[k],
-            )
-        )
-        where = {pad.net: pad.at for pad in own}
-        ends = {
-            "SDA": (where["SDA"][0], y + BUS),
-            "SCL": (where["SCL"][0] + p.pitch / 2, y - BUS),
-            names[k]: (where[names[k]][0], y + outer + RISE),
-        }
-        for net, end in ends.items():
-            start, column = where[net], (columns[net], end[1])
-            knee = (start[0], end[1] - abs(end[0] - start[0]))
-            tracks.append(Track(net, False, (start, knee, end)))
+        part = _chip(design, circuit, names, k, (x, y))
+        wired = _four_rows(part, names[k], pads, lane) if pads.centre else _two_rows(part, names[k], pads, lane)
+        parts += [part, wired.capacitor]
+        tracks += wired.tracks
+        for net, end in wired.ends.items():
+            column = columns[net], end[1]
             tracks.append(Track(net, True, (end, column)))
             vias += [Via(net, end), Via(net, column)]
             top[net] = max(top[net], end[1])
-        # the capacitor lies below the via of the supply
-        supply = ends[names[k]]
-        cap = (supply[0] - 0.775, supply[1] - VIA / 2 - 0.1 - 0.475)
-        parts.append(_passive(f"C{k + 1}", CAPACITOR, (names[k], "GND"), cap))
-        tracks.append(Track(names[k], True, (supply, (supply[0], cap[1]))))
-        beyond = (where["SDA"][0] - p.width / 2 - CLEARANCE - VIA / 2 - 0.05, cap[1])
-        # a bus on the left takes that place, and leaves the one under the body
-        ground = (x + p.pitch / 2, y) if lane < x else beyond
-        tracks.append(Track("GND", True, ((cap[0] - 0.775, cap[1]), ground)))
-        vias.append(Via("GND", ground))
+        vias += wired.vias
     ends = {net: (columns[net], header.high) for net in nets}
     tracks += [Track(net, False, ((columns[net], top[net]), ends[net])) for net in nets]
     tracks += _to_header(header, ends)
@@ -469,6 +447,98 @@ def _bus(
         addresses=circuit.addresses[: len(names)],
         supply=circuit.supply,
     )
+
+
+@dataclass(frozen=True, slots=True)
+class Wired:
+    """What joins a chip to the bus: capacitor, tracks and vias, and by net the via where its run along x starts."""
+
+    capacitor: Part
+    tracks: list[Track]
+    vias: list[Via]
+    ends: dict[str, Point]
+
+
+def _chip(design: Design, circuit: Circuit, names: Sequence[str], k: int, at: Point) -> Part:
+    """Return the k-th chip; pins A0 and A1 of one that is addressed by pins are the bits of its number."""
+    straps = {"VDD": names[k]}
+    if circuit.addressed_by == "pins":
+        straps |= {f"A{bit}": names[k] if k >> bit & 1 else "GND" for bit in (0, 1)}
+    boxes = design.chip.pads.boxes() if design.chip.pads else []
+    pads = tuple(
+        Pad(str(number), straps.get(net, net), (at[0] + u, at[1] + v), (wide, deep))
+        for number, (net, (u, v, wide, deep)) in enumerate(zip(circuit.pins, boxes, strict=True), 1)
+    )
+    (x, y), (a, b, tall), order = at, design.chip.body, circuit.orders[k]
+    body = (x - a / 2, y - b / 2, x + a / 2, y + b / 2, tall)
+    return Part(f"U{k + 1}", order, circuit.package, at, circuit.turn, False, pads, body, order)
+
+
+def _two_rows(part: Part, supply: str, p: Pads, lane: float) -> Wired:
+    """Lead SDA and SCL under the chip's body, and the supply outwards to its capacitor."""
+    (x, y), outer = part.at, p.rows / 2 + p.length / 2
+    where = {pad.net: pad.at for pad in part.pads}
+    ends = {
+        "SDA": (where["SDA"][0], y + BUS),
+        "SCL": (where["SCL"][0] + p.pitch / 2, y - BUS),
+        supply: (where[supply][0], y + outer + RISE),
+    }
+    tracks = []
+    for net, end in ends.items():
+        knee = (where[net][0], end[1] - abs(end[0] - where[net][0]))
+        tracks.append(Track(net, False, (where[net], knee, end)))
+    # the capacitor lies below the via of the supply
+    via = ends[supply]
+    cap = (via[0] - 0.775, via[1] - VIA / 2 - 0.1 - 0.475)
+    tracks.append(Track(supply, True, (via, (via[0], cap[1]))))
+    beyond = (where["SDA"][0] - p.width / 2 - CLEARANCE - VIA / 2 - 0.05, cap[1])
+    # a bus on the left takes that place, and leaves the one under the body
+    ground = (x + p.pitch / 2, y) if lane < x else beyond
+    tracks.append(Track("GND", True, ((cap[0] - 0.775, cap[1]), ground)))
+    capacitor = _passive(f"C{part.reference[1:]}", CAPACITOR, (supply, "GND"), cap)
+    return Wired(capacitor, tracks, [Via("GND", ground)], ends)
+
+
+def _four_rows(part: Part, supply: str, p: Pads, lane: float) -> Wired:
+    """Lead SDA, SCL and the supply outwards to vias, and all ground inwards to the pad in the middle.
+
+    Pins that are strapped to the supply at the left half of a side are joined by a track round the chip's left side,
+    and both supplies on the lower face.
+    """
+    (x, y), edge = part.at, p.rows / 2 + p.length / 2
+    out, around = edge + CLEARANCE + VIA / 2 + 0.05, edge + CLEARANCE + TRACK / 2 + 0.05
+    left, right = x - out, x + out
+    tracks, straps = [], []
+    ends: dict[str, Point] = {}
+    feeds = {}
+    for pad in part.pads[:-1]:
+        (u, v), side = pad.at, int(pad.number) - 1
+        beside = side // p.pins % 2 == 1
+        if pad.net == "GND":
+            inwards = (x + math.copysign(p.centre / 2 - TRACK, u - x), v)
+            over = (u, y + math.copysign(p.centre / 2 - TRACK, v - y))
+            tracks.append(Track("GND", False, (pad.at, inwards if beside else over)))
+        elif pad.net in ("SDA", "SCL"):
+            ends[pad.net] = (math.copysign(out, u - x) + x, v) if beside else (u, math.copysign(out, v - y) + y)
+            tracks.append(Track(pad.net, False, (pad.at, ends[pad.net])))
+        elif pad.net == supply and beside:
+            feeds[u > x] = (right if u > x else left, v)
+            tracks.append(Track(supply, False, (pad.at, feeds[u > x])))
+        elif pad.net == supply:
+            straps.append((u, v, math.copysign(around, v - y) + y))
+    low, high = feeds[False], feeds[True]
+    for u, v, level in straps:
+        tracks.append(Track(supply, False, ((u, v), (u, level), (left, level), low)))
+    # a diagonal on the lower face leads from the left supply to the right one
+    knee = (right - abs(high[1] - low[1]), low[1])
+    tracks.append(Track(supply, True, (low, knee, high)))
+    cap = (x + 0.3, y + 1.6)
+    ground = (cap[0] - 0.775, y + 0.4)
+    tracks.append(Track(supply, True, (high, (right, cap[1]), (cap[0] + 0.775, cap[1]))))
+    tracks.append(Track("GND", True, ((cap[0] - 0.775, cap[1]), ground)))
+    capacitor = _passive(f"C{part.reference[1:]}", CAPACITOR, (supply, "GND"), cap)
+    start, other = (low, high) if lane < x else (high, low)
+    return Wired(capacitor, tracks, [Via("GND", ground), Via(supply, other)], ends | {supply: start})
 
 
 def _pull_ups(header: Header, supply: str) -> tuple[list[Part], list[Track]]:
