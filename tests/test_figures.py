@@ -127,7 +127,7 @@ def test_names_with_dots_and_brackets_are_columns():
         figure("Lines", lines(CURVES, *figures.bands())),
         figure("Logarithmic", lines(CURVES, *figures.rule("x", 2.0, "here"), log=True)),
         figure("Names", alt.Chart().mark_point().encode(x="force (N)", y="series")),
-        figure("Panels", lines(CURVES), CURVES.assign(panel=CURVES["series"]), shared=False),
+        figure("Panels", lines(CURVES), CURVES.assign(panel=CURVES["series"]), own="xy"),
         heat("Map", "", ERRORS, ("L/D", "depth/D"), "error (%)", edges=ERROR_EDGES),
         heat("Values", "", ERRORS.assign(panel="one"), ("L/D", "depth/D"), "error (%)"),
         spots("Spots", "", ERRORS, ("L/D", "depth/D"), "error (%)", ERROR_EDGES),
@@ -307,6 +307,23 @@ def test_lines_hold_every_number_of_the_table():
     np.testing.assert_allclose(sorted(figure.data["press force (N)"]), sorted(expected))
 
 
+def test_shades_of_what_is_left_out_are_those_of_one_model():
+    """Models share the colours of an axis; one shade over both of them would jump between their ends."""
+    axes = {"L_mm": np.linspace(9, 18, 7), **{name: [1.0, 2.0, 3.0, 4.0] for name in ("D_mm", "nu", "E_MPa")}}
+    force = {"fem_force_N": lambda *v: sum(v), "analytic_force_N": lambda *v: 2 * sum(v)}
+    (figure,) = drawn_of(table(axes | {"depth_mm": [0.5, 1.0]}, **force))
+    assert figure.data["high"].gt(figure.data["low"]).any()
+    assert layers(figure)["area"]["encoding"]["detail"]["field"] == "model"
+
+
+def test_an_axis_of_one_value_shows_the_zero():
+    """Vega writes 4 at the only tick of a force of 4.2 N."""
+    (figure,) = drawn_of(table({"depth_mm": [1.25]}, fem_force_N=lambda d: 4.2 * d))
+    encoding = layers(figure)["line"]["encoding"]
+    assert encoding["x"]["scale"] == {"zero": True}
+    assert encoding["y"].get("scale", {}).get("zero", True)
+
+
 def test_map_of_errors_has_each_error_in_its_cell():
     axes = {"L_mm": np.linspace(9, 12, 8), "depth_mm": np.linspace(0.5, 1.0, 7)}
     force = {"fem_force_N": lambda L, d: L * d, "analytic_force_N": lambda L, d: L}
@@ -406,6 +423,8 @@ def test_sampled_points_are_shown_over_each_axis():
     # the axis with the greatest effect comes first
     assert next(iter(error.data["panel"])) == "D (mm)"
     assert len(value.data) == 160
+    # over each axis stand the same values: their axis is one
+    assert value.chart.to_dict()["resolve"]["scale"] == {"x": "independent"}
     assert list(spots.data)[:2] == ["D (mm)", "L (mm)"]
 
 

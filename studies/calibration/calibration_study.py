@@ -779,7 +779,7 @@ def figures(truth: Array, force: Array, curve: Rows) -> list[Figure]:
     errors = Figure(
         "Error of decoded forces",
         "Decoded less measured force of rows that the calibration has not seen, over the measured force.",
-        panels(alt.layer(*rule("y", 0.0), points), drawn, shared=False),
+        panels(alt.layer(*rule("y", 0.0), points), drawn, own="xy"),
         shown,
         note,
     )

@@ -16,7 +16,7 @@ import textwrap
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -253,13 +253,15 @@ def bands() -> list[alt.Chart]:
     return [*(one.encode(y=alt.datum(-end), y2=alt.datum(end)) for end in (10.0, 5.0)), *rule("y", 0.0)]
 
 
-def panels(chart: alt.Chart | alt.LayerChart, data: pd.DataFrame, columns: int = 3, *, shared: bool = True) -> Any:
+def panels(
+    chart: alt.Chart | alt.LayerChart, data: pd.DataFrame, columns: int = 3, *, own: Literal["", "x", "xy"] = ""
+) -> Any:
     """Return a chart without data with those of a table, in panels if it has a column "panel".
 
     Parameters
     ----------
     columns : greatest number of panels side by side.
-    shared : whether all panels have the same scales, so that heights compare.
+    own : axes of which each panel has its own scale; those of others compare.
     """
     import altair as alt
 
@@ -268,10 +270,11 @@ def panels(chart: alt.Chart | alt.LayerChart, data: pd.DataFrame, columns: int =
         return chart.properties(data=data)
     columns = 2 if len(names) == 4 else min(columns, len(names))
     facet = alt.Facet("panel", type="nominal", title=None, sort=names)
-    if not shared:
+    if own:
         # without the room of their axes, which differ, panels stand in line
-        made = chart.facet(data=data, facet=facet, columns=columns, bounds="flush", spacing=BETWEEN)
-        return made.resolve_scale(x="independent", y="independent")
+        spacing = BETWEEN | ({} if "y" in own else {"column": THEME["facet"]["spacing"]})
+        made = chart.facet(data=data, facet=facet, columns=columns, bounds="flush", spacing=spacing)
+        return made.resolve_scale(**dict.fromkeys(own, "independent"))
     made = chart.facet(data=data, facet=facet, columns=columns)
     # an axis below all columns would stand under a place without a panel, too
     return made.resolve_axis(x="independent") if len(names) % columns else made
@@ -379,7 +382,7 @@ def _fitted(spec: dict[str, Any], data: pd.DataFrame, whole: int) -> dict[str, A
     """Return a description with what is read off, and what fits a width, pixels: sizes, titles of axes, legends."""
     view, names = spec.get("spec", spec), spec.get("facet", {}).get("sort", [])
     columns = spec.get("columns", 1) if names else 1
-    gap = BETWEEN["column"] if "spacing" in spec else THEME["facet"]["spacing"]
+    gap = spec.get("spacing", {}).get("column", THEME["facet"]["spacing"])
     width = view["width"] = min(view.get("width", math.inf), (whole - gap * (columns - 1)) // columns)
     height = HEIGHTS[min(columns, len(HEIGHTS)) - 1] if whole == WIDTH else LOW
     height = min(height, LOWEST) if len(names) > columns else height

@@ -134,8 +134,13 @@ def quantity_name(column: str) -> str:
     >>> quantity_name("magnet_height_mm"), quantity_name("nu"), quantity_name("speed_mm_per_s")
     ('magnet height (mm)', 'nu', 'speed (mm/s)')
     """
+    return with_unit(*name_and_unit(column))
+
+
+def name_and_unit(column: str) -> tuple[str, str]:
+    """Return the name of a column, and the unit in which its numbers are, "" for none."""
     # the longest end: V_per_T ends with T
     for end, unit in sorted(SYMBOLS.items(), key=lambda item: -len(item[0])):
         if column.endswith(f"_{end}"):
-            return f"{column.removesuffix(f'_{end}').replace('_', ' ')} ({unit})"
-    return in_words(column)
+            return column.removesuffix(f"_{end}").replace("_", " "), unit
+    return in_words(column), ""

@@ -92,7 +92,7 @@ def morris(table: pd.DataFrame) -> list[Figure]:
     bars = alt.Chart().mark_rule().encode(x=alt.X("low", title=star), x2="high", y=sigma, **styles(inputs, "color"))
     points = alt.Chart().mark_point().encode(x=star, y=sigma, **styles(inputs))
     chart = alt.layer(bars, points)
-    return [Figure("Morris' effects by finite elements", caption, panels(chart, data, shared=False), data)]
+    return [Figure("Morris' effects by finite elements", caption, panels(chart, data, own="xy"), data)]
 
 
 def made_sensors(table: pd.DataFrame) -> list[Figure]:
@@ -125,5 +125,5 @@ def made_sensors(table: pd.DataFrame) -> list[Figure]:
     lines = alt.Chart().mark_line(point="transparent").encode(
         x=alt.X(VALUE, **FREE), y=BELOW, **styles(data["series"], "color", "strokeDash")
     )  # fmt: skip
-    chart = panels(alt.layer(*rule("y", 95.0, "95 %"), lines), data, shared=False)
+    chart = panels(alt.layer(*rule("y", 95.0, "95 %"), lines), data, own="xy")
     return [Figure("Sensors made within their tolerances", caption, chart, data)]

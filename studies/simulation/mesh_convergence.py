@@ -258,5 +258,5 @@ def figures(table: pd.DataFrame) -> list[Figure]:
     line = base.transform_filter("datum.joined").mark_line().encode(**styles(names, "color"))
     points = base.transform_filter("!datum.joined").mark_point().encode(**styles(names, lines=(LIMIT,)))
     layers = [band, line] if "low" in data else [line]
-    chart = panels(alt.layer(*rule("y", 0.0), *layers, points), data, shared=False)
+    chart = panels(alt.layer(*rule("y", 0.0), *layers, points), data, own="xy")
     return [Figure("Convergence with the mesh", caption, chart, data)]

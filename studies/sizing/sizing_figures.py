@@ -9,7 +9,7 @@ import numpy as np
 
 from geometry.loads import ANSWERED
 from studies.output.figures import FREE, LOG, Figure, beside, labels, numbers, rule, styles, texts
-from studies.output.text_tables import quantity_name
+from studies.output.text_tables import name_and_unit, quantity_name
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -109,8 +109,8 @@ def _names(table: pd.DataFrame) -> list[str]:
 
 
 def _value(table: pd.DataFrame, column: str, row: int) -> str:
-    name, _, unit = quantity_name(column.removeprefix("fem_")).partition(" (")
-    return f"{name} {numbers(table, column).iloc[row]:.3g} {unit.rstrip(')')}"
+    name, unit = name_and_unit(column.removeprefix("fem_"))
+    return f"{name} {numbers(table, column).iloc[row]:.3g} {unit}"
 
 
 def _differences(table: pd.DataFrame, names: list[str]) -> list[Figure]:

@@ -76,7 +76,9 @@ def curves(data: pd.DataFrame, x: str, y: str, how: Axes = Axes(), names: Sequen
     layers = []
     if "low" in data:
         interval = base.mark_area(opacity=0.18) if how.line and not how.bars else base.mark_rule()
-        layers.append(interval.encode(y=alt.Y("low:Q", title=y), y2="high:Q", **colour))
+        # models of one colour have shades of their own
+        of_model = {"detail": "model:N"} if "model" in data else {}
+        layers.append(interval.encode(y=alt.Y("low:Q", title=y), y2="high:Q", **colour, **of_model))
     if how.line:
         layers.append(base.mark_line(clip=True).encode(**{k: looks[k] for k in looks if k != "shape"}))
     if "limit" in data:
@@ -115,7 +117,9 @@ def _across(values: pd.Series, how: Axes, *, named: bool) -> dict[str, Any]:
         names = list(dict.fromkeys(map(str, values)))
         upright = sum(map(len, names)) * LETTER < HALF
         return {"type": "nominal", "sort": None, "axis": {"labelAngle": 0 if upright else -90}}
-    return {"type": "quantitative", **(LOG if "x" in how.log else FREE)}
+    # at a single value Vega would round the number of its only tick
+    scale = LOG if "x" in how.log else FREE if values.nunique() > 1 else {"scale": {"zero": True}}
+    return {"type": "quantitative", **scale}
 
 
 def _up(values: pd.Series, how: Axes) -> dict[str, Any]:
@@ -128,6 +132,6 @@ def _up(values: pd.Series, how: Axes) -> dict[str, Any]:
 
 
 def _linear(numbers: Array) -> dict[str, Any]:
-    """Return the scale of numbers: a range that begins or ends near zero shows the zero."""
+    """Return the scale of numbers: a range that begins or ends near zero, or has one number, shows the zero."""
     low, high = np.nanmin(numbers, initial=np.inf), np.nanmax(numbers, initial=-np.inf)
-    return {} if 0 <= low < NEAR * high or 0 >= high > NEAR * low else FREE
+    return {} if 0 <= low < NEAR * high or 0 >= high > NEAR * low or low == high else FREE
