@@ -5,6 +5,7 @@ The source of the site is the repository, so that every page has the links that 
 
 import itertools
 import logging
+import os
 import re
 import sys
 from pathlib import Path
@@ -64,20 +65,24 @@ def folders_as_text(app, doctree):
             link.replace_self(link.children)
 
 
-def in_tutorials(app, docname, source):
-    """Show the pictures that the blocks of a tutorial have drawn, and let it be downloaded as a notebook."""
+def drawn_pictures(app, docname, source):
+    """Show the pictures that the blocks of a document have drawn, and let a tutorial be downloaded as a notebook."""
     path = Path(app.env.doc2path(docname))
+    run = documented_commands.PICTURES if path.parent == reference_pages.FOLDER / "verb" else path
     if path in documented_commands.TUTORIALS:
         notebooks.write(path, reference_pages.FOLDER)
         link = f"[Download this page as a notebook](../reference/{path.stem}.ipynb)."
         source[0] = source[0].replace("\n\n", f"\n\n{link}\n\n", 1)
-        for name in documented_commands.pictures(path):
-            source[0] = source[0].replace(f"]({name})", f"](../../out/tutorials/{path.stem}/{name})")
+    elif run != documented_commands.PICTURES:
+        return
+    folder = os.path.relpath(ROOT / "out" / "tutorials" / run.stem, path.parent)
+    for name in documented_commands.pictures(run):
+        source[0] = source[0].replace(f"]({name})", f"]({folder}/{name})")
 
 
 def setup(app):
     logging.getLogger("skfem").setLevel(logging.WARNING)
     app.connect("builder-inited", lambda app: reference_pages.write())
     app.connect("autodoc-process-docstring", in_sections, priority=100)
-    app.connect("source-read", in_tutorials)
+    app.connect("source-read", drawn_pictures)
     app.connect("doctree-read", folders_as_text)

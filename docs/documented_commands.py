@@ -8,8 +8,8 @@ printed, spaces are not, and a line `...` stands for any lines.
 Own code, because none of the packages for this knows all three forms: pytest-codeblocks compares no numbers and runs
 shells, Sybil wants parsers for each form that are as long as this file, and each is one more dependency.
 
-`python docs/documented_commands.py FOLDER` runs the tutorials, each in a folder of its own there, in which the site
-finds what they have drawn.
+`python docs/documented_commands.py FOLDER` runs the tutorials and the page of pictures, each in a folder of its own
+there, in which the site finds what they have drawn.
 """
 
 import contextlib
@@ -27,6 +27,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 TUTORIALS = sorted((ROOT / "docs" / "tutorials").glob("[!i]*.md"))
+PICTURES = ROOT / "docs" / "pictures.md"
+"""A command and its result for each verb; they follow each other in one folder, as those of a tutorial do."""
 FENCE = re.compile(r"^( *)```(\w+)( long)?\n(.*?)^\1```$", flags=re.M | re.S)
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
 FILE = re.compile(r"(?:# (\S+\.toml)|/\* (\S+\.c):)")
@@ -167,7 +169,7 @@ def main(root: Path) -> int:
     """Run all documents, two at a time, and say what is not as it is shown."""
     shutil.rmtree(root, ignore_errors=True)
     with ProcessPoolExecutor(2) as pool:
-        wrong = [text for text in pool.map(functools.partial(_run_all, root=root), TUTORIALS) if text]
+        wrong = [text for text in pool.map(functools.partial(_run_all, root=root), [PICTURES, *TUTORIALS]) if text]
     print("\n\n".join(wrong), end="")
     return bool(wrong)
 

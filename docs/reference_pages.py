@@ -13,6 +13,7 @@ from pathlib import Path
 import jinja2
 
 import magtip
+from docs.documented_commands import PICTURES
 from geometry.design import Design, paper
 from geometry.loads import Load
 from studies.cli.commands import app
@@ -98,7 +99,9 @@ def of_verb(verb: str) -> dict[str, object]:
     here = [(re.sub(r"\]\((?!http)([^)]+)\)", r"](../../../studies/\1)", to), command) for to, command in rows]
     text = re.sub(r"^###", "##", helps()[verb], flags=re.M)
     intro, options = re.split(r"^(?=\*\*Arguments|\*\*Parameters|## )", text, maxsplit=1, flags=re.M)
-    return {"verb": verb, "intro": intro.strip(), "options": options, "tasks": here}
+    shown = dict(re.findall(r"^## (\w+)\n(.*?)(?=^## |\Z)", PICTURES.read_text("utf-8"), flags=re.M | re.S))
+    result = shown.get(verb, "").replace("](../", "](../../../").strip()
+    return {"verb": verb, "intro": intro.strip(), "options": options, "tasks": here, "result": result}
 
 
 VALUES = {

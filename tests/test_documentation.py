@@ -76,7 +76,8 @@ def slug(heading):
 
 def check_links(text, path):
     """Links of a document lead to files and headings, or to what is made when the site is built."""
-    made = documented_commands.pictures(path) if path in documented_commands.TUTORIALS else ()
+    run = path in (documented_commands.PICTURES, *documented_commands.TUTORIALS)
+    made = documented_commands.pictures(path) if run else ()
     for target in LINK.findall(text):
         if target.startswith(("http://", "https://")) or target in made:
             continue
@@ -180,6 +181,14 @@ def test_every_verb_has_a_row():
     text = (ROOT / "studies" / "README.md").read_text("utf-8")
     verbs = {verb for verb in commands.app if not verb.startswith("-")}
     assert verbs == set(re.findall(r"\| `magtip (\w+)[^|]*` \|$", text, flags=re.M))
+
+
+def test_every_result_that_is_shown_stands_on_the_page_of_its_verb():
+    shown = re.findall(r"^## (.*)$", documented_commands.PICTURES.read_text("utf-8"), flags=re.M)
+    assert set(shown) <= set(reference_pages.VERBS)
+    assert "![Critical depth and force over slenderness](stability/stability.png)" in reference_pages.page(
+        "verb/stability"
+    )
 
 
 @pytest.fixture(scope="module")

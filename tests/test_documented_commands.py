@@ -9,12 +9,13 @@ import tomllib
 import pytest
 
 from docs import documented_commands, notebooks
-from docs.documented_commands import ROOT, TUTORIALS, blocks, same
+from docs.documented_commands import PICTURES, ROOT, TUTORIALS, blocks, same
 from studies.cli import commands
 from studies.inputs import study_input, user_input
 
 READMES = [ROOT / name / "README.md" for name in (".", "geometry", "fem", "analytic", "studies", "results")]
-READMES += [*sorted((ROOT / "docs").glob("*.md")), *sorted((ROOT / "docs" / "explanation").glob("*.md"))]
+READMES += [path for path in sorted((ROOT / "docs").glob("*.md")) if path != PICTURES]
+READMES += sorted((ROOT / "docs" / "explanation").glob("*.md"))
 COMPILED = ROOT / "docs" / "tutorials" / "bench_to_robot.md"
 INLINE = re.compile(r"`((?:magtip|python -m) [^`]+)`")
 
@@ -125,8 +126,10 @@ def test_no_other_blocks():
 def not_run():
     """Commands within text, and those that take too long."""
     inline = {command for path in READMES + TUTORIALS for command in INLINE.findall(path.read_text("utf-8"))}
-    long = {command for path in TUTORIALS for block in blocks(path) if block.long for command, _ in block.commands}
-    return sorted(inline | long)
+    long = [
+        block for path in [PICTURES, *TUTORIALS] for block in blocks(path) if block.long and block.kind == "console"
+    ]
+    return sorted(inline | {command for block in long for command, _ in block.commands})
 
 
 @pytest.mark.parametrize("command", not_run())
