@@ -51,6 +51,8 @@ STEPS = 20
 CONVERGED = 1e-13
 """Length of the next step, over D, at which the iteration ends: as Newton's steps go, it is that of the last one
 times the square of its ratio to the one before."""
+PAIRS = 2000
+"""Pairs of magnets whose forces are computed at once."""
 RADII, ANGLES = 8, 16
 """Gauss points over the radius of a face, and angles: the force is exact to 2e-6 from a gap of two thirds of the
 radius on, and to 5e-5 from a third on."""
@@ -270,8 +272,36 @@ def magnet_forces(array: BeamArray, shift: Array) -> tuple[Array, Array]:
 
     shift : of the magnets, (n, 3), mm. The slopes are those of motions without a turn.
     """
-    forward = array.forward
-    design, n = forward.design, len(array)
+    n, (moved, axis), leaning = len(array), magnets_at(array.forward, shift.T), rotation(array.forward.tau, shift.T).T
+    others = np.not_equal(*array.pairs)
+    first, second = array.pairs[:, others]
+    offsets, chosen, alike = array.offsets[others], np.arange(len(first)), np.arange(len(first))
+    if (shift == shift[0]).all():
+        # pairs that lie alike to each other act alike, up to the sign of their poles
+        _, chosen, alike = np.unique(np.round(offsets, 9), axis=0, return_index=True, return_inverse=True)
+    i, j = first[chosen], second[chosen]
+    found = _forces_of_pairs(array, offsets[chosen], (moved[i], leaning[i]), (moved[j], axis[j]))
+    poles = (array.poles[first] * array.poles[second])[:, None]
+    force, slopes = np.zeros((n, 3)), np.zeros((n, 3, n, 3))
+    np.add.at(force, first, poles * found[0][alike.ravel()])
+    slopes[first, :, second] = poles[..., None] * found[1][alike.ravel()]
+    # a motion of all magnets together changes nothing
+    own = -slopes.sum(axis=2)
+    slopes[np.arange(n), :, np.arange(n)] = own
+    return force, slopes
+
+
+def _forces_of_pairs(
+    array: BeamArray, offsets: Array, on: tuple[Array, Array], by: tuple[Array, Array]
+) -> tuple[Array, Array]:
+    """Return the forces (m, 3), N, on magnets at offsets (m, 3), mm, from others of the same pole, and their slopes
+    by motions of those others (m, 3, 3), N/mm.
+
+    on, by : displacements (m, 3), mm, of both, with the rotation vectors (m, 2), rad, of those on which the others
+        act, and the axes (m, 3) of the others.
+    """
+    (moved, leaning), (source, axis) = on, by
+    design = array.forward.design
     radius, half, J = design.magnet_diameter / 2, design.magnet_height / 2, design.polarisation
     nodes, weights = np.polynomial.legendre.leggauss(RADII)
     r, turns = radius * (nodes + 1) / 2, 2 * math.pi * (np.arange(ANGLES) + 0.5) / ANGLES
@@ -280,25 +310,19 @@ def magnet_forces(array: BeamArray, shift: Array) -> tuple[Array, Array]:
     faces = np.concatenate([np.column_stack([x, y, np.full(len(x), z)]) for z in (half, -half)])
     # N/T: the polarisation is along -z
     charge = -1e-6 * J / MU_0 * np.concatenate([area, -area])
-    moved, axis = magnets_at(forward, shift.T)
-    leaning = rotation(forward.tau, shift.T).T
-    places = moved[:, None] + rotated(faces, leaning[:, None])
-    others = np.not_equal(*array.pairs)
-    first, second = array.pairs[:, others]
-    # the three components at a point follow each other, for which the field is computed once
-    at = np.repeat(places[first] + array.offsets[others, None], 3, axis=1)
-    normals = np.broadcast_to((charge[:, None, None] * np.eye(3)).reshape(-1, 3), at.shape)
-    owners = np.tile(np.arange(3), len(faces))
-    means, by_shift, _ = readings_of_sensors(
-        at, normals, owners, _sizes(design, len(at)), moved[second][:, None], axis[second][:, None]
-    )
-    strength = J * len(faces) * array.poles[first] * array.poles[second]
-    force, slopes = np.zeros((n, 3)), np.zeros((n, 3, n, 3))
-    np.add.at(force, first, strength[:, None] * means[:, 0])
-    slopes[first, :, second] = strength[:, None, None] * by_shift[:, 0]
-    # a motion of all magnets together changes nothing
-    own = -slopes.sum(axis=2)
-    slopes[np.arange(n), :, np.arange(n)] = own
+    owners, count = np.tile(np.arange(3), len(faces)), len(offsets)
+    force, slopes = np.empty((count, 3)), np.empty((count, 3, 3))
+    # as many pairs at once as take some 100 MB
+    for k in range(0, count, PAIRS):
+        part = slice(k, k + PAIRS)
+        places = moved[part, None] + rotated(faces, leaning[part, None]) + offsets[part, None]
+        # the three components at a point follow each other, for which the field is computed once
+        at = np.repeat(places, 3, axis=1)
+        normals = np.broadcast_to((charge[:, None, None] * np.eye(3)).reshape(-1, 3), at.shape)
+        means, by_shift, _ = readings_of_sensors(
+            at, normals, owners, _sizes(design, len(at)), source[part, None], axis[part, None]
+        )
+        force[part], slopes[part] = J * len(faces) * means[:, 0], J * len(faces) * by_shift[:, 0]
     return force, slopes
 
 

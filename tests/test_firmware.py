@@ -12,8 +12,11 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
+from analytic import beam_arrays
 from analytic.decode import decode, field_of
+from analytic.hall import field_at
 from analytic.time_series import RelaxingForce
+from geometry.array_design import grid_array
 from geometry.design import Design, paper
 from studies.cli import main
 from studies.firmware import decoder_export
@@ -206,6 +209,61 @@ def test_a_rejected_field_gives_no_force_in_c_and_is_found_as_in_python(tmp_path
     known = np.isfinite(found["ambient"][:, 0])
     assert known.mean() > 0.99
     assert_allclose(found["ambient"][known], field[known], atol=5e-6)
+
+
+ARRAY_LIBRARY = """
+#include "magtip_decoder.h"
+static magtip_array array;
+void set_up(void); void set_up(void) { magtip_array_set_up(&array); }
+void zero(float *r); void zero(float *r) { magtip_array_zero(&array, (float (*)[MAGTIP_ELEMENTS])r); }
+void step(float *r, float s, magtip_answer *a);
+void step(float *r, float s, magtip_answer *a) { magtip_array_step(&array, (float (*)[MAGTIP_ELEMENTS])r, s, a); }
+"""
+
+
+def test_moments_have_the_field_of_the_magnet_beyond_its_sphere():
+    design, x = paper(), np.array([[7.0, -3.0, 4.0], [9.0, 0.0, 1.0]])
+    d, m = np.linalg.norm(x, axis=1, keepdims=True), np.array([0.0, 0.0, 1.0])
+    B = np.zeros_like(x)
+    for n, K in zip(decoder_export.MOMENTS, decoder_export.moments_of(design), strict=True):
+        P = np.polynomial.Legendre.basis(n)
+        u = x[:, 2:] / d
+        B += K / d ** (n + 2) * ((n + 1) * P(u) * x / d + P.deriv()(u) * (u * x / d - m))
+    assert_allclose(B, field_at(x + np.array([0, 0, design.H]), design), rtol=2e-4, atol=1e-4 * np.abs(B).max())
+
+
+@needs("gcc")
+def test_an_array_in_c_subtracts_its_neighbours_once_as_python_does(tmp_path):
+    array = grid_array(paper(), 2, 2, 14.0, "checkerboard")
+    firmware = decoder_export.prepare(paper(), Exporting(flash="20k"), array=array)
+    firmware_check.write_header(firmware, tmp_path)
+    (tmp_path / "library.c").write_text(ARRAY_LIBRARY)
+    command = ["gcc", *firmware_check.STRICT, "-O0", "-shared", "-fPIC", "library.c", "-o", "library.so", "-lm"]
+    subprocess.run(command, cwd=tmp_path, check=True)
+    loaded = ctypes.CDLL(str(tmp_path / "library.so"))
+    loaded.step.argtypes = [ctypes.c_void_p, ctypes.c_float, ctypes.c_void_p]
+    random = np.random.default_rng(3).uniform([-0.5, -0.5, -0.9], [0.5, 0.5, -0.1], (20, 4, 3))
+    fields = beam_arrays.readings_of_array(firmware.array, random)
+    expected = decoder_export.reference_of_array(firmware.coder, firmware.array, fields)
+    e, drift = firmware.coder.forward.elements[0], 2e-3
+
+    def answers(fields):
+        outputs, found = (e.null + e.gain * fields).astype(np.float32), (Answer * 4)()
+        loaded.step(ctypes.c_void_p(outputs.ctypes.data), 1e3, ctypes.byref(found))
+        return np.array([list(one.shift) for one in found])
+
+    loaded.set_up()
+    found = np.array([answers(frame) for frame in fields]).reshape(-1, 3)
+    known = np.isfinite(expected.shift[:, 2]) & (expected.multiplicity == 1)
+    assert known.mean() > 0.8
+    # the poles, and what three moments leave of the neighbours' field
+    assert_allclose(found[known], expected.shift[known], atol=2e-3)
+    assert np.median(np.abs(found[known] - random.reshape(-1, 3)[known])) > 1e-4
+    # a zero takes a drift off
+    rest = beam_arrays.readings_of_array(firmware.array, np.zeros((1, 4, 3)))[0] + drift
+    outputs = (e.null + e.gain * rest).astype(np.float32)
+    loaded.zero(ctypes.c_void_p(outputs.ctypes.data))
+    assert_allclose(answers(fields[0] + drift)[known[:4]], found[:4][known[:4]], atol=2e-3)
 
 
 @needs("gcc")

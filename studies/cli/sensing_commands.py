@@ -350,7 +350,8 @@ def firmware(
     from studies.firmware import decoder_export, regression_export
     from studies.parts.part_tolerances import parse_tolerances
     from studies.parts.requirements import stated_requirements
-    from studies.streaming import ros2_package
+    from studies.sensing import array_readings
+    from studies.streaming import live_stream, ros2_package
 
     calibration = exporting.calibration
     here = call.here((*decoder_export.FILES, *ros2_package.FILES), [exporting.source.responses, calibration])
@@ -358,13 +359,16 @@ def firmware(
         raise BadInput("--calibration gives mechanics and sensor: leave --level, --responses and --tolerance out")
     decoder_export.bytes_of(exporting.flash)
     design = call.design()
+    array = array_readings.stated_array(call.source, design)
+    if array is not None and calibration is not None:
+        raise BadInput(live_stream.ONE_BEAM)
     made = parse_tolerances(exporting.tolerances or [], design, call.source)
     needed = stated_requirements(call.source)
     more = ros2_package.files(design, calibration) if ros2 else {}
     if calibration is not None and calibration_file.holds_regression(calibration):
         found = calibration_file.regression_of(calibration, design, reject_ambient=exporting.reject_ambient)
         return publish(partial(regression_export.run, found, exporting.flash, needed, here.command, more), here)
-    study = partial(decoder_export.run, design, exporting, made, needed, here.command, more)
+    study = partial(decoder_export.run, design, exporting, made, needed, array, here.command, more)
     return publish(study, here)
 
 

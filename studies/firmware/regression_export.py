@@ -151,7 +151,7 @@ def told_of(
     return {
         "command": command, "digest": digest(dataclasses.asdict(found.design)), "layout": found.design.hall_layout,
         "names": [e.name for e in elements], "unit": elements[0].unit, "source": f"a {found.words}",
-        "regression": True, "calibrated": True, "thermal": thermal, "statuses": STATUSES,
+        "regression": True, "beams": 0, "calibrated": True, "thermal": thermal, "statuses": STATUSES,
         "rails": (elements[0].low, elements[0].high), "average": elements[0].average,
         "example": decoder_export.example_of(found.design), "table_bytes": sum(a.nbytes for a in tables.values()),
         "code_bytes": CODE + WARM_CODE * thermal, "state_bytes": 4 * (4 * k + recent * (k + 1) + 3 + thermal),

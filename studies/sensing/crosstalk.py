@@ -31,7 +31,7 @@ from geometry.array_design import POLARITIES
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.messages import Progress
-from studies.output import page_templates
+from studies.output import console, page_templates
 from studies.output.figures import LOG, Figure, panels, picture, rule, styles
 from studies.output.records import FlatRow
 from studies.output.result import Result, Table
@@ -51,8 +51,10 @@ NEAREST, FARTHEST, STEPS = 1.0625, 5.0, 12
 """Pitches of the curve over D: the ends, and how many evenly on a logarithmic scale."""
 FAR = (10.0, 20.0)
 """Pitches over D from which the law far away follows."""
-FRAMES, SEED = 16, 1
-"""Number of random loads of the whole array, and their seed."""
+FRAMES, MOST_LOADS, SEED = 16, 1024, 1
+"""Number of random loads of the whole array, most loads of single beams in them, and their seed."""
+MANY = 36
+"""Number of beams from which on the time that all takes is told after the first pitch."""
 REACHES = {"8 nearest": 1.5, "24 nearest": 2.5}
 """Beams that a sparse joint decoder takes, and the distance up to which these lie, over the pitch."""
 TIMED, REPEATS = 4, 9
@@ -91,8 +93,9 @@ def run(
             f"more than the {beam_arrays.stiffness(design)[0]:.3g} N/mm of a beam; take more than {critical:.4g} mm, "
             "another polarity, or stiffer beams"
         )
-    drawn = random_loads(coder, loads, FRAMES * len(asked))
-    force, shift = (rows.reshape(FRAMES, len(asked), 3) for rows in drawn)
+    frames = max(2, min(FRAMES, MOST_LOADS // len(asked)))
+    drawn = random_loads(coder, loads, frames * len(asked))
+    force, shift = (rows.reshape(frames, len(asked), 3) for rows in drawn)
     rows = list(over_pitch(coder, grid, pitch, (force, shift), full, progress))
     own = next(row for row in rows if row["polarity"] == _name(grid.polarity) and row["pitch_mm"] == pitch)
     laws, smallest = _laws(coder, grid, rows, shift), _smallest(rows, options.error)
@@ -107,7 +110,7 @@ def run(
         "polarity": _name(grid.polarity),
         "full_scale_N": full,
         "full_scale": words,
-        "frames": FRAMES,
+        "frames": frames,
         **{key: value for key, value in own.items() if key not in ("polarity", "pitch_mm", "status")},
         **_noise(coder, asked, force, shift),
         "magnets_change_N": _change_of_forces(asked, shift),
@@ -235,11 +238,19 @@ def over_pitch(
     between = [float(f"{each * D:.4g}") for each in np.geomspace(NEAREST, FARTHEST, STEPS)[:-1]]
     pitches = sorted({*between, *(each * D for each in (FARTHEST, *FAR)), pitch})
     cases = [(polarity, each) for polarity in grid.polarities for each in pitches]
-    rows = []
+    rows, begun = list[FlatRow](), time.monotonic()
     for k, (polarity, each) in enumerate(cases):
-        progress(k / len(cases), f"{_name(polarity)}, pitch {each:g} mm")
+        left = (time.monotonic() - begun) / k * (len(cases) - k) if k else 0.0
+        if k == 1 and len(grid) >= MANY:
+            console.say(f"magtip: {grid.words} at {len(cases)} pitches and polarities: about {_minutes(left)}")
+        told = f", about {_minutes(left)} left" if k and len(grid) >= MANY else ""
+        progress(k / len(cases), f"{_name(polarity)}, pitch {each:g} mm{told}")
         rows.append(_row(coder, grid.array(coder, each, polarity), _name(polarity), drawn, full))
     return rows
+
+
+def _minutes(seconds: float) -> str:
+    return f"{seconds / 60:.2g} min" if seconds >= 60 else f"{seconds:.0f} s"
 
 
 def _row(coder: Decoder, array: BeamArray, polarity: str, drawn: tuple[Array, Array], full: float) -> FlatRow:
