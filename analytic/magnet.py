@@ -186,6 +186,18 @@ def repulsion(radius: float, height: float, J: float, distance: float) -> float:
     return float(4e-6 * J / MU_0 * area @ upper)
 
 
+def holding_force(radius: float, height: float, J: float) -> float:
+    """Return about the force that parts two equal magnets in line that touch, or one from a thick plate of iron, N.
+
+    Maxwell's stress B^2/(2 mu_0) over the face, with B on the axis of a magnet of twice the height, at its middle:
+    B = J h / (h^2 + a^2)^(1/2). A long magnet has J^2 A / (2 mu_0), which is exact.
+
+    >>> round(holding_force(2.0, 2000.0, 1.2) / (1.2**2 * math.pi * 4e-6 / (2 * MU_0)), 4)
+    1.0
+    """
+    return J**2 * height**2 / (height**2 + radius**2) * math.pi * radius**2 * 1e-6 / (2 * MU_0)
+
+
 def weight(design: Design) -> float:
     """Return the weight of a design's magnet, N."""
     return 1e-9 * magnet_volume(design.shape) * design.magnet_density * 9.81

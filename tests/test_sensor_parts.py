@@ -112,10 +112,29 @@ MIX |= {"moduli": (1.3, 3.0), "source": "a paper", "mixed_source": "a label", "p
 MIX |= {"assumed": ("mixed", "hours")}
 
 
-def recipe_text(design, choices):
-    size, recipe = design_summary.outer_size(design, None), casting_recipe.recipe_of(design, choices)
+def recipe_text(design, choices, plan=None):
+    size, recipe = design_summary.outer_size(design, plan), casting_recipe.recipe_of(design, choices, plan)
     row = sensor_parts.fabricated("ok", "", Path("out"), size | {"recipe": recipe})
-    return casting_recipe.text(design, choices, row, None, [], "magtip cad")
+    return casting_recipe.text(design, choices, row, plan, [], "magtip cad")
+
+
+def test_a_recipe_warns_of_large_magnets_and_says_what_holds_the_board():
+    choices, chip = (
+        sensor_solids.FabricationChoices(),
+        dataclasses.replace(paper(), hall_layout="tle493d-p2b6", l0=8.0),
+    )
+    text = recipe_text(chip, choices, base.plan(chip, base.Base(shape="round")))
+    # 0.1 mm of play on each side of pads 2.4 x 3.4 mm, in a body of 2.9 x 2.5 mm
+    assert f"lets it turn by up to {math.degrees(0.2 / 3.4):.2g}°" in text
+    assert "room for the chip and its pads" in text
+    square = recipe_text(chip, choices, base.plan(chip, base.Base()))
+    assert "lets it turn" not in square
+    assert "Four screws M2 x 8 mm" in square
+    unknown = dataclasses.replace(chip, hall_layout="als31300-500")
+    assert "room for the chip alone" in recipe_text(unknown, choices, base.plan(unknown, base.Base()))
+    large = dataclasses.replace(paper(), D=60.0, L=70.0, l0=50.0, magnet_diameter=40.0, magnet_height=20.0)
+    assert "hold with some 360 N" in recipe_text(large, choices)
+    assert "crush fingers" not in square
 
 
 def test_the_recipe_mixes_and_weighs_the_silicone_that_was_chosen():

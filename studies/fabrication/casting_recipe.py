@@ -211,6 +211,8 @@ def neighbours_push(design: Design, mold: Mold) -> tuple[float, float] | None:
 
 PINS = {"VDD": "supply (+)", "GND": "ground", "OUT": "output"}
 """Words for the nets of a one-axis element."""
+PINCH = 30.0
+"""Force of two magnets that touch from which on they hurt a finger, N: some ten times that of a fridge magnet."""
 MOVED = 0.5
 """Displacement of the magnet in the table of expected readings, mm."""
 
@@ -242,6 +244,33 @@ def expected_readings(design: Design) -> FlatRow:
     full = [name for k, name in enumerate(names) if any(each.saturated[k] for each in found[:4])]
     unit = "V" if units == "V" else "mT"
     return {"unit": unit, "rows": rows, "saturated": full, "per_gap": gap, "per_shift": 100 * aside / first}
+
+
+BOARD_THICKNESS = 1.6
+"""Usual thickness of a board, mm."""
+TURN_AND_NUT = 2.0
+"""Length of a screw of the base beside plate and board: a nut and a washer, mm."""
+
+
+def base_screw(plan: Plan, board: float = BOARD_THICKNESS) -> float:
+    """Return the length of the screws through base and board, mm."""
+    return screw_length(plan.thickness + plan.recess + board + TURN_AND_NUT)
+
+
+def _holding_force(design: Design) -> float:
+    if not design.shape.has_magnet:
+        return 0.0
+    return magnet_field.holding_force(design.magnet_diameter / 2, design.magnet_height, design.remanence)
+
+
+def _turn(design: Design, plan: Plan | None) -> float | None:
+    """Return by how much a chip turns in its pocket, degrees, where nothing else holds the board; None elsewhere."""
+    if plan is None or plan.screw or design.hall_layout == "three" or design.chip_count > 1:
+        return None
+    (pocket,) = plan.seats.bodies.values()
+    (a, b), (wide, deep, _) = design.chip.pads.size if design.chip.pads else (0.0, 0.0), pocket.sides
+    a, b = max(a, design.chip.body[0]), max(b, design.chip.body[1])
+    return math.degrees(min((wide - a) / b, (deep - b) / a))
 
 
 def size_sentence(size: FlatRow) -> str:
@@ -297,6 +326,9 @@ def text(
         pushed=neighbours_push(design, mold) if design.shape.has_magnet else None,
         pin=next(iter(board_drawing.pads(design)), None),
         inside=plan and plan.thickness + places(design)["S1"][2] + SS495A.depth - SS495A.thickness if three else None,
+        pull=pull if (pull := _holding_force(design)) > PINCH else None,
+        turn=_turn(design, plan),
+        screw_mm=plan and base_screw(plan),
         pins=[PINS[net] for net in circuits()["three"].pins],
         pins_assumed="pins" in circuits()["three"].assumed,
     )

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from geometry.base import Plan, screw_thread
 from geometry.design import BadInput, Design
 from geometry.fabrication.breakout_boards import BREAKOUTS
-from geometry.mold import screw_length, sizes
+from geometry.mold import sizes
 from studies.fabrication import casting_recipe, circuit_board
 from studies.fabrication.sensor_solids import FabricationChoices
 from studies.output.records import FlatRow
@@ -27,8 +27,6 @@ FILAMENT = 1.24e-3
 """Density of PLA, g/mm³, the common figure of data sheets; parts are taken as solid, as the recipe asks for."""
 PRINT_TIME = (6.5, 17.0)
 """Minutes for a cm³, layers of 0.1 mm, nozzle of 0.4 mm: six parts of 1 to 16 cm³ sliced by PrusaSlicer 2.5."""
-NUT = 2.0
-"""Length of a screw of the base beside plate and board: a nut and a washer, mm."""
 SYRINGE = 10.0
 """Volume of a syringe, mL."""
 PRICE = ("price_low", "price_high", "currency", "price_date", "price_source")
@@ -154,7 +152,7 @@ def _screws(
     thread = ""
     if plan and plan.screw:
         thick = board.thickness if board else max(circuit_board.THICKNESSES)
-        length = screw_length(plan.thickness + plan.recess + thick + NUT)
+        length = casting_recipe.base_screw(plan, thick)
         thread = f"M{screw_thread(plan.screw):g}"
         note = "brass, nylon or titanium: steel changes the field"
         yield _row("screws", f"{thread} x {length} mm", 4 * sensors, note=note)
