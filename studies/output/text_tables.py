@@ -11,8 +11,8 @@ from studies.quantities import FACTORS, UNITS, column_unit, shown
 
 READ_IN = {"T": "mT"}
 """Units in which values of tables are read that are kept in another one."""
-SYMBOLS = {column_unit(unit): symbol for unit, symbol in UNITS.items() if symbol}
-"""Symbols of units by the last part of a key."""
+SYMBOLS = {column_unit(unit): UNITS[unit] for unit in sorted(UNITS, key=len, reverse=True) if UNITS[unit]}
+"""Symbols of units by the last part of a key, the longest first: V_per_T ends with T."""
 TURNS = {
     "tilt_rad": "tilt towards x",
     "tilt_y_rad": "tilt towards y",
@@ -52,20 +52,31 @@ def with_unit(name: str, unit: str) -> str:
 def heading(key: str) -> tuple[str, str]:
     """Return the name of a key, and the unit in which its values are shown.
 
-    >>> heading("stiffness_N_per_mm"), heading("shift_per_mm"), heading("gain_drift_per_K"), heading("depth_mm")
-    (('stiffness', 'N/mm'), ('shift', 'mm/mm'), ('gain drift', '1/K'), ('depth', 'mm'))
+    >>> heading("stiffness_N_per_mm"), heading("shift_per_mm"), heading("gain_drift_per_K"), heading("field_T")
+    (('stiffness', 'N/mm'), ('shift', 'mm/mm'), ('gain drift', '1/K'), ('field', 'mT'))
     """
     if key in TURNS:
         return TURNS[key], UNITS["rad"]
     if key in MISFITS:
         return MISFITS[key]
-    name, _, last = key.rpartition("_")
-    if name.endswith("_per"):
-        above, unit = heading(name.removesuffix("_per"))
+    name, unit = name_and_unit(key)
+    return name, READ_IN.get(unit, unit)
+
+
+def name_and_unit(key: str) -> tuple[str, str]:
+    """Return the name of a key, and the unit in which its values are, "" for none.
+
+    >>> name_and_unit("density_kg_per_m3"), name_and_unit("S1_V_per_N"), name_and_unit("height_over_D")
+    (('density', 'kg/m³'), ('S1', 'V/N'), ('height/D', ''))
+    """
+    for end, unit in SYMBOLS.items():
+        if key.endswith(f"_{end}") and not key.endswith(f"_per_{end}"):
+            return in_words(key.removesuffix(f"_{end}")), unit
+    name, per, below = key.rpartition("_per_")
+    if per and below in SYMBOLS:
+        above, unit = name_and_unit(name)
         # a motion over a length is one of the same unit
-        return above, f"{unit or ('1' if last == 'K' else last)}/{last}"
-    if name and last in SYMBOLS:
-        return in_words(name), READ_IN.get(last, SYMBOLS[last])
+        return above, f"{unit or ('1' if below == 'K' else below)}/{below}"
     return in_words(key), ""
 
 
@@ -90,8 +101,9 @@ def in_unit(key: str, value: Any, digits: int = 5) -> str:
     if isinstance(value, Mapping):
         parts = [(*heading(name), in_unit(name, part, digits)) for name, part in value.items()]
         return ", ".join(f"{name} {text} {unit}".strip() for name, unit, text in parts)
-    factor = FACTORS[READ_IN[last]] if (last := key.rpartition("_")[2]) in READ_IN else 1.0
-    return shown(factor * value if isinstance(value, float) else value, digits=digits)
+    unit = name_and_unit(key)[1]
+    scaled = unit in READ_IN and isinstance(value, float)
+    return shown(FACTORS[READ_IN[unit]] * value if scaled else value, digits=digits)
 
 
 # Markdown
@@ -135,12 +147,3 @@ def quantity_name(column: str) -> str:
     ('magnet height (mm)', 'nu', 'speed (mm/s)')
     """
     return with_unit(*name_and_unit(column))
-
-
-def name_and_unit(column: str) -> tuple[str, str]:
-    """Return the name of a column, and the unit in which its numbers are, "" for none."""
-    # the longest end: V_per_T ends with T
-    for end, unit in sorted(SYMBOLS.items(), key=lambda item: -len(item[0])):
-        if column.endswith(f"_{end}"):
-            return column.removesuffix(f"_{end}").replace("_", " "), unit
-    return in_words(column), ""

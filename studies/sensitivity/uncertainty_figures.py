@@ -8,7 +8,7 @@ import numpy as np
 
 from geometry.loads import ANSWERED
 from studies.output.figures import FREE, Figure, numbers, panels, rule, styles, texts
-from studies.output.text_tables import quantity_name, with_unit
+from studies.output.text_tables import name_and_unit, quantity_name, with_unit
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -54,7 +54,7 @@ def sobol(table: pd.DataFrame) -> list[Figure]:
     )
     doubtful = texts(table, "output")[numbers(table, "model_error_over_deviation") > 1]
     if len(doubtful):
-        names = dict.fromkeys(quantity_name(output).partition(" (")[0] for output in doubtful)
+        names = dict.fromkeys(name_and_unit(output)[0] for output in doubtful)
         caption += f" Do not read those of {', '.join(names)}: the model's error exceeds the variation."
     orders_of = alt.Chart().encode(y=alt.Y("input", sort=None), yOffset=alt.YOffset("series:N", sort=None))
     bars = orders_of.mark_rule().encode(x=alt.X("low", title=index), x2="high", **styles(ORDERS, "color"))
@@ -75,7 +75,7 @@ def morris(table: pd.DataFrame) -> list[Figure]:
 
     known = table[numbers(table, "mu_star").notna()]
     star, sigma = "\N{GREEK SMALL LETTER MU}*", "\N{GREEK SMALL LETTER SIGMA}"
-    names = [quantity_name(output).partition(" (")[0] for output in texts(known, "output")]
+    names = [name_and_unit(output)[0] for output in texts(known, "output")]
     data = pd.DataFrame({
         star: numbers(known, "mu_star"),
         sigma: numbers(known, "sigma"),

@@ -17,7 +17,7 @@ from geometry.design import BadInput
 from studies.answers import Answers, SweepColumns, check_table
 from studies.output import figures
 from studies.output.figures import COLOURS, THEME
-from studies.output.text_tables import quantity_name
+from studies.output.text_tables import name_and_unit, quantity_name
 from studies.quantities import drawn_parts
 from studies.sweeps import sweep_figures
 from studies.sweeps.answer_curves import Axes, curves, drawable
@@ -117,7 +117,7 @@ def _check(answers: pd.DataFrame, x: object, color: object, names: Sequence[obje
 
 def _label(names: Sequence[str], study: SweepColumns) -> str:
     """Return the label of the vertical axis; BadInput if quantities do not share their unit."""
-    units = [quantity_name(name).partition("(")[2] for name in names]
+    units = [name_and_unit(name)[1] for name in names]
     if len(set(units)) > 1:
         other = next(k for k, unit in enumerate(units) if unit != units[0])
         raise BadInput(f"{names[0]} and {names[other]} have other units: draw them in two charts")
