@@ -321,12 +321,7 @@ def check_glued(design: Design, depth: float, magnet: Magnet) -> None:
 
 def _check_path(loads: Sequence[Load]) -> None:
     """Refuse loads of different kinds, a change of depth under a glued plate, and gluing without contact."""
-    first = loads[0]
-    if any(
-        (load.grip, load.friction, load.plate_tilt, load.imperfection)
-        != (first.grip, first.friction, first.plate_tilt, first.imperfection)
-        for load in loads
-    ):
+    if any(load.unmoved != loads[0].unmoved for load in loads):
         raise BadInput("all loads of a path must have the same grip, friction, plate tilt and imperfection")
     glued: float | None = None
     for load in loads:

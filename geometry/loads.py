@@ -146,6 +146,15 @@ class Load:
         return math.hypot(self.shear_x, self.shear_y)
 
     @property
+    def unmoved(self) -> Self:
+        """The load without its depth and shear: what all loads of a path share.
+
+        >>> Load(1.0, 0.5, friction="stick").unmoved == Load(friction="stick")
+        True
+        """
+        return dataclasses.replace(self, depth=0.0, shear_x=0.0, shear_y=0.0)
+
+    @property
     def coulomb(self) -> float | None:
         """Coefficient of Coulomb friction; None for a frictionless plate, for a bonded one, and for a grip.
 

@@ -404,8 +404,9 @@ class ForcePath:
     def suits(self, load: Load) -> bool:
         """Return whether the mesh is that of a path to another load."""
         D, present = self.scene.design.D, self.scene.loads[0]
-        kind = ("friction", "plate_tilt", "imperfection", "shears_tip", "direction")
-        if any(getattr(load, name) != getattr(present, name) for name in kind):
+        if load.unmoved != present.unmoved:
+            return False
+        if (load.shears_tip, load.direction) != (present.shears_tip, present.direction):
             return False
         if present.bonds_contact:
             # the mesh is refined at the edge of the contact, whose radius then differs by half as much: less than the

@@ -112,7 +112,7 @@ class Place:
                 **self.options,
             }
             return values | {"quantity": kind, "load": pressed, "physics": PHYSICS[kind]}
-        kept = {name: first[name] for name in ("friction", "grip", "plate_tilt", "imperfection")}
+        kept = {name: value for name, value in first.items() if name not in ("depth", "shear")}
         if kind == "force":
             ((force, shear_force),) = self.options["targets"]
             held = {"force_N": force, "shear_force_N": shear_force, **timed_quantities.units(scene.design)}
@@ -356,8 +356,8 @@ def target_of(scene: Scene, force: float, shear_force: Sequence[float] | None) -
     """Return the target of a force, N, and one along the plate, with contact, tilt and imperfection of a scene."""
     from fem.analyses.force_targets import ForceTarget
 
-    load = replace(scene.loads[0], depth=0.0, shear_x=0.0, shear_y=0.0)
-    return ForceTarget(force, None if shear_force is None else (shear_force[0], shear_force[1]), load)
+    aside = None if shear_force is None else (shear_force[0], shear_force[1])
+    return ForceTarget(force, aside, scene.loads[0].unmoved)
 
 
 def _followed(

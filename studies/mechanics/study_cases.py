@@ -3,8 +3,8 @@
 A study may have millions of cases, of which most differ only in values that the finite elements do not depend on
 (E, the Hall elements, the remanence). So a batch of cases is resolved by its distinct *sensors* (all fields but E)
 and its distinct *problems* (what the mechanics depend on). Both are found by integer codes: the position of a case's
-point in those factors that matter. Results for E follow by proportion, except under an imperfection, which is a
-force.
+point in those factors that matter. Results for E follow by proportion, except under a load that is a force, such as
+an imperfection.
 
 The Hall elements keep the places that they have in the base design: if D or L moves the undeformed magnet's centre
 from H to H', l0 becomes l0 + H' - H, unless l0 itself varies. The magnet keeps its size.
@@ -34,6 +34,8 @@ from studies.quantities import QUANTITIES
 
 READING_FIELDS = frozenset({*OF_READINGS, *OF_TIME})
 """Fields of a design on which the static mechanics do not depend."""
+FORCES = tuple(name for name, field in LOAD.items() if field.unit == "N")
+"""Fields of a load that are forces, over which results are not in proportion to E."""
 MOST_KEPT = 20_000
 """Number of resolved sensors, and of problems, that are kept for the next batch; it bounds the memory."""
 Columns = dict[str, NDArray[Any]]
@@ -111,7 +113,7 @@ class Plan:
 
     def idle(self, kind: str) -> frozenset[str]:
         """Return the axes on which "sensors" or "problems" do not depend."""
-        force = bool(self.load.get("imperfection")) or "imperfection" in self.axes
+        force = any(self.load.get(name) or name in self.axes for name in FORCES)
         own_E = kind == "problems" and (force or self.depends_on_time)
         idle = self.reading_fields if kind == "problems" else frozenset(LOAD)
         if not own_E:
@@ -271,7 +273,7 @@ class Cases:
         if "l0" in axes:
             fields["l0"] = DESIGN["l0"].high
         try:
-            own_E = values.get("imperfection") or plan.depends_on_time
+            own_E = any(map(values.get, FORCES)) or plan.depends_on_time
             if not own_E:
                 fields |= {name: getattr(plan.design, name) for name in OF_MODULUS}
             design = varied(plan.design, fields).for_mechanics(magnet)
