@@ -201,8 +201,9 @@ def neighbours_push(design: Design, mold: Mold) -> tuple[float, float] | None:
     None where there is no neighbour, or where its magnet stays in its pocket by itself.
     """
     (x, y), *neighbours = sizes(design, mold).centres
-    apart = magnet_field.resting_distance(design)
-    pitch = min((math.hypot(u - x, v - y) for u, v in neighbours), default=math.inf)
+    if not neighbours:
+        return None
+    apart, pitch = magnet_field.resting_distance(design), min(math.hypot(u - x, v - y) for u, v in neighbours)
     if apart is None or pitch >= apart:
         return None
     force = magnet_field.repulsion(design.magnet_diameter / 2, design.magnet_height, design.remanence, pitch)
