@@ -323,17 +323,19 @@ def converted(raw: Array, low: Array, high: Array, step: Array) -> tuple[Array, 
 
 
 def averaged(elements: Sequence[Element], raw: Array, noise: np.random.Generator) -> tuple[Array, NDArray[np.bool_]]:
-    """Return the averages of noisy samples through the converter, and whether any sample lies at a rail; shape (k,).
+    """Return the averages of noisy samples through the converter, and whether any sample lies at a rail; (..., k).
 
-    `raw` are the outputs of the k elements without noise, before the converter, shape (k,).
+    `raw` are the outputs of the k elements without noise, before the converter, shape (..., k).
     """
     low, high, step, rms, floor, count = _values(elements, "low", "high", "step", "noise", "floor", "average")
-    draws = noise.standard_normal((int(count.max()), len(raw)))
-    slow = floor * noise.standard_normal(len(raw)) if floor.any() else 0.0
-    samples, at_rails = converted(raw + slow + rms * draws, low, high, step)
+    most, slow = int(count.max()), bool(floor.any())
+    draws = noise.standard_normal((*raw.shape[:-1], most + slow, raw.shape[-1]))
+    # the noise of an average is common to its samples
+    common = floor * draws[..., most:, :] if slow else 0.0
+    samples, at_rails = converted(raw[..., None, :] + common + rms * draws[..., :most, :], low, high, step)
     # elements may average different numbers of samples
-    used = np.arange(len(samples))[:, None] < count
-    return (samples * used).sum(axis=0) / count, np.asarray((at_rails & used).any(axis=0))
+    used = np.arange(most)[:, None] < count
+    return (samples * used).sum(axis=-2) / count, np.asarray((at_rails & used).any(axis=-2))
 
 
 def _values(elements: Sequence[Element], *names: str) -> list[Array]:

@@ -74,6 +74,8 @@ class Stand:
     zero, compliance : depth that is shown at first touch, mm, and by how much the stand gives way, mm/N.
     accuracy : of the finite elements that give the true forces.
     field : code that gives the field of the magnet.
+    loop : half of the relative width of the loop of the force, whose two ways are drawn at random.
+    depth_noise : standard deviation of a shown depth, mm.
     """
 
     force_noise: float
@@ -82,6 +84,8 @@ class Stand:
     compliance: float = STAND_COMPLIANCE
     accuracy: Accuracy = QUICK
     field: FieldCode = field_at
+    loop: float = 0.0
+    depth_noise: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -197,12 +201,23 @@ def bench(plan: Plan, made: MadeSensors, stand: Stand, seed: int, progress: Prog
     design, rng = _design_of(made), np.random.default_rng([seed, 0])
     load = loads_of(plan, design, plan.force, plan.load)
     states = pressed(design, load, stand.accuracy, progress)
-    # a plate that does not touch has no depth
-    depth = np.where(load[:, :1] > 0, load[:, :1], math.nan)
-    shown = depth + stand.zero + stand.compliance * states.force[:, 2:]
-    measured = states.force + stand.force_noise * rng.normal(size=states.force.shape)
-    rows = np.hstack([readings(made, states, stand, rng), measured, shown, states.force, load])
+    rows = np.hstack([measured(made, states, load[:, :1], stand, rng), states.force, load])
     return pd.DataFrame(rows, columns=[*columns(design), *FORCES, "depth_mm", *TRUE, *MOVED])
+
+
+def measured(made: MadeSensors, states: States, depth: Array, stand: Stand, rng: np.random.Generator) -> Array:
+    """Return what a stand measures of one made sensor in states: readings, forces and shown depths, (n, k + 4).
+
+    depth : of the plate, (n, 1), mm.
+    """
+    force, size = states.force, states.force.shape
+    # a plate that does not touch has no depth
+    shown = np.where(depth > 0, depth, math.nan) + stand.zero + stand.compliance * force[:, 2:]
+    if stand.depth_noise:
+        shown = shown + stand.depth_noise * rng.normal(size=shown.shape)
+    loop = 1 + stand.loop * rng.choice([-1.0, 1.0], size=(len(force), 1)) if stand.loop else 1.0
+    forces = force * loop + stand.force_noise * rng.normal(size=size)
+    return np.hstack([readings(made, states, stand, rng), forces, shown])
 
 
 def recording(plan: Plan, made: MadeSensors, stand: Stand, seed: int, progress: Progress) -> pd.DataFrame:
@@ -308,7 +323,7 @@ def readings(made: MadeSensors, states: States, stand: Stand, rng: np.random.Gen
     raw = null + gain * means_over_plates(b, elements, owners)
     if stand.reading_noise is not None:
         elements = tuple(dataclasses.replace(e, noise=stand.reading_noise, floor=0.0, average=1) for e in elements)
-    return np.array([averaged(elements, row, rng)[0] for row in raw])
+    return averaged(elements, raw, rng)[0]
 
 
 def elements_of(made: MadeSensors) -> tuple[parts.Element, ...]:

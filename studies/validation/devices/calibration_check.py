@@ -24,16 +24,23 @@ from geometry.arrays import Array
 from geometry.design import Design, paper
 from geometry.messages import Progress
 from studies.beam.beam_model import mechanics, motions
-from studies.calibration import calibrated_forces, calibration_study, force_regression, regression_study, sensor_fit
+from studies.calibration import (
+    calibrated_forces,
+    calibration_study,
+    force_regression,
+    regression_study,
+    sensor_fit,
+    simulated_bench,
+)
 from studies.calibration.bench_file import Bench
 from studies.calibration.regression_study import Recorded
 from studies.calibration.sensor_fit import Sensor
-from studies.calibration.simulated_bench import STAND_COMPLIANCE, STAND_ZERO
+from studies.calibration.simulated_bench import STAND_COMPLIANCE, STAND_ZERO, Stand, States
 from studies.cases import FiniteElements
 from studies.output.goals import Goal
 from studies.output.result import Result, Table
 from studies.parts.part_tolerances import tolerances
-from studies.sensitivity.made_sensors import MadeSensors, made_readings, made_sensors
+from studies.sensitivity.made_sensors import MadeSensors, made_sensors
 from studies.simulation.solved_beams import SolvedBeams
 from studies.validation import pages
 from studies.validation.pages import Row
@@ -47,8 +54,7 @@ DEPTHS, SHEARS = np.linspace(0.15, 2.3, 9), np.linspace(0.0, 1.0, 4)
 """Depths, mm, and shears over depth and over 1, of the solved states; shears end at the edge of the stick range."""
 FORCE_NOISE, READING_NOISE = 0.02, 2.5e-4
 """Standard deviations of a measured force, N, and of a reading, V."""
-HYSTERESIS = 0.01
-"""Half of the relative width of the loop of the force."""
+STAND = Stand(FORCE_NOISE, READING_NOISE, loop=0.01, depth_noise=0.005)
 ENOUGH = 100
 """Least number of sensors for goals of single unknowns."""
 LAW: dict[str, Any] = {"law": "yeoh", "yeoh_2": 0.02}
@@ -72,23 +78,17 @@ def mechanics_of(designs: Sequence[Design], store: Path | None, progress: Progre
     return [mechanics(moved, depth, shear, k) for k in range(len(designs))]
 
 
-def bench_rows(made: MadeSensors, law: Mechanics, shift: Array, rng: np.random.Generator) -> tuple[Array, Array]:
-    """Return what a stand measures (n, 9) of a made sensor at shifts (n, 3), and its true forces (n, 3)."""
-    force, load, _ = force_and_load(law, shift.T, contact=False)
-    force = force.T
-    # by the code of draws, which knows nothing of the estimator's unknowns
-    reading = made_readings(made, shift[None], rotation(law.tilt, shift.T).T[None]).output[0]
-    reading = CONVERTER_STEP * np.round((reading + READING_NOISE * rng.normal(size=reading.shape)) / CONVERTER_STEP)
-    loop = 1 + HYSTERESIS * rng.choice([-1.0, 1.0], size=(len(shift), 1))
-    measured = force * loop + FORCE_NOISE * rng.normal(size=force.shape)
-    depth = load[0] + STAND_ZERO + STAND_COMPLIANCE * force[:, 2] + 0.005 * rng.normal(size=len(shift))
-    return np.column_stack([reading, measured, depth, np.full((len(shift), 2), np.nan)]), force
-
-
 def stand_rows(made: MadeSensors, unit: Mechanics, E: float, rng: np.random.Generator) -> tuple[Array, Array]:
-    """Return rows and true forces as `bench_rows` at random shifts, of mechanics for E = 1 MPa times E, MPa."""
+    """Return what a stand measures of a made sensor at random shifts (n, 9), and its true forces (n, 3).
+
+    unit : mechanics for E = 1 MPa; E : of the sensor, MPa.
+    """
     law = dataclasses.replace(unit, lateral=unit.lateral * E, normal=unit.normal * E)
-    return bench_rows(made, law, random_shifts(law, MANY + UNSEEN, rng), rng)
+    shift = random_shifts(law, MANY + UNSEEN, rng)
+    force, load, _ = force_and_load(law, shift.T, contact=False)
+    states = States(force.T, shift, rotation(law.tilt, shift.T).T)
+    rows = simulated_bench.measured(made, states, load[:1].T, STAND, rng)
+    return np.column_stack([rows, np.full((len(rows), 2), np.nan)]), states.force
 
 
 def random_shifts(law: Mechanics, count: int, rng: np.random.Generator) -> Array:
@@ -131,7 +131,7 @@ def run(progress: Progress, *, quick: bool = False, store: Path | None = None) -
         File of solved states; default: that of the user.
     """
     count, variants = (QUICK_SENSORS, QUICK_VARIANTS) if quick else (SENSORS, VARIANTS)
-    base = paper()
+    base = paper(hall_step=CONVERTER_STEP)
     made = made_sensors(base, tolerances(), count, SEED)
     # a variant has the nu and the magnet of a made sensor, and another law; its E is that of each sensor
     possible = [design for design in made.designs if design is not None]
