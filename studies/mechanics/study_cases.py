@@ -185,6 +185,7 @@ class Cases:
 
     def __init__(self, plan: Plan) -> None:
         self.plan = plan
+        self._counts = [factor.count for factor in plan.factors]
         self._values = [tuple(_array(values) for values in factor.values) for factor in plan.factors]
         self._codes = {kind: self._point_codes(kind) for kind in ("sensors", "problems")}
         self._sensors: Recent[Design | str] = Recent()
@@ -193,9 +194,7 @@ class Cases:
     def batch(self, cases: NDArray[np.int64]) -> Batch:
         """Return the cases of these indices, shape (n,)."""
         plan = self.plan
-        points = [
-            cases // stride % factor.count for stride, factor in zip(self._strides(), plan.factors, strict=True)
-        ]
+        points = np.unravel_index(cases, self._counts)
         axes = {
             name: values[point]
             for factor, columns, point in zip(plan.factors, self._values, points, strict=True)
@@ -222,11 +221,10 @@ class Cases:
 
     def distinct_problems(self) -> NDArray[np.int64]:
         """Return for each distinct problem of the study the index of its first case, in rising order."""
-        strides = self._strides()
         firsts = np.zeros(1, dtype=np.int64)
         for k, codes in self._codes["problems"].items():
             # each point of a further factor follows the ones before, because later factors vary faster
-            steps = np.sort(np.unique(codes, return_index=True)[1]) * strides[k]
+            steps = np.sort(np.unique(codes, return_index=True)[1]) * math.prod(self._counts[k + 1 :])
             firsts = (firsts[:, None] + steps[None, :]).ravel()
         return firsts
 
@@ -242,10 +240,6 @@ class Cases:
                 [known.setdefault(row, len(known)) for row in zip(*columns, strict=True)], dtype=np.int64
             )
         return codes
-
-    def _strides(self) -> list[int]:
-        counts = [factor.count for factor in self.plan.factors]
-        return [math.prod(counts[k + 1 :]) for k in range(len(counts))]
 
     def _distinct(
         self, kind: str, points: Sequence[NDArray[np.int64]]

@@ -504,12 +504,3 @@ def escaped(name: str) -> str:
     'gain over that at 0\\\\.1 Hz'
     """
     return re.sub(r"([.\[\]'\"\\])", r"\\\1", name)
-
-
-def short(value: Any) -> str:
-    """Return a number to four digits, or a text, as it stands at an axis.
-
-    >>> short(0.123456), short("stick")
-    ('0.1235', 'stick')
-    """
-    return f"{value:.4g}" if isinstance(value, (int, float, np.number)) else str(value)

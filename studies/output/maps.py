@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from studies.output.figures import FREE, WIDTH, Figure, escaped, is_named, panels, short
+from studies.output.figures import FREE, WIDTH, Figure, escaped, is_named, panels
+from studies.quantities import shown
 
 if TYPE_CHECKING:
     import altair as alt
@@ -164,7 +165,7 @@ def _dark(values: pd.Series, value: str, edges: Sequence[float]) -> str:
 
 def _names(edges: Sequence[float]) -> list[str]:
     """Return the names of the classes of a value, from below the first edge to above the last."""
-    ends = [short(edge).replace("-", "\N{MINUS SIGN}") for edge in edges]
+    ends = [shown(edge, digits=4).replace("-", "\N{MINUS SIGN}") for edge in edges]
     return [f"below {ends[0]}", *map(" to ".join, itertools.pairwise(ends)), f"above {ends[-1]}"]
 
 

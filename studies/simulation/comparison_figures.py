@@ -9,6 +9,7 @@ import numpy as np
 
 from geometry.loads import ANSWERED
 from studies.output.figures import FREE, SHADES, Figure, bands, long, numbers, panels, styles
+from studies.quantities import UNITS, Part
 from studies.simulation.comparison_rows import PARTS
 
 if TYPE_CHECKING:
@@ -80,16 +81,16 @@ def _models(table: pd.DataFrame, title: str, x: tuple[str, str], part: str, capt
     label = PARTS[part].title
     data = long(table, x, label, {f"{prefix}_{PARTS[part].column}": name for prefix, name in NAMES.items()})
     chart = alt.Chart(data).mark_line(point=True).encode(x=x[1], y=label, **styles(NAMES.values()))
-    return Figure(title, caption or _last_sentence(data, x[1], label), chart, data)
+    return Figure(title, caption or _last_sentence(data, x[1], PARTS[part]), chart, data)
 
 
-def _last_sentence(data: pd.DataFrame, x: str, label: str) -> str:
+def _last_sentence(data: pd.DataFrame, x: str, part: Part) -> str:
     last = data.dropna().groupby("series", sort=False).last()
     if not len(last):
         return "There is no point: every state failed."
-    unit, end = label.rpartition("(")[2].rstrip(")"), last[x].max()
+    end = last[x].max()
     values = "; ".join(
-        f"{name} {row[label]:.3g} {unit}" + (f" (only to {row[x]:.3g} mm)" if row[x] < end else "")
+        f"{name} {row[part.title]:.3g} {UNITS[part.unit]}" + (f" (only to {row[x]:.3g} mm)" if row[x] < end else "")
         for name, row in last.iterrows()
     )
     return f"At the end of the path, {end:.3g} mm: {values}."

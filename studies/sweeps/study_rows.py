@@ -84,7 +84,9 @@ class Rows:
             self._add_decoded(found, batch)
         for name in self._paths:
             assert plan.reference is not None
-            PATHS[name](found, plan.reference.name, plan, batch, given[name])
+            _add_stored(found, batch, plan.reference.name, QUANTITIES[name], given[name])
+            if name in PATHS:
+                PATHS[name](found, plan.reference.name, plan, batch, given[name])
         if "l0" not in plan.fields:
             found.late["l0_mm"] = _of_sensors(batch, lambda design: design.l0)
         found.solves = self._solve_columns(batch, states, numbers)
@@ -339,7 +341,6 @@ def critical_verdict(critical: Answer) -> str:
 
 
 def _add_critical(found: Answers, model: str, plan: Plan, batch: Batch, answers: Sequence[Answer]) -> None:
-    _add_stored(found, batch, model, QUANTITIES["critical_depth"], answers)
     verdicts = _texts(batch, [critical_verdict(answer) for answer in answers])
     found.words["critical_depth"] = {"critical_depth_verdict": verdicts}
 
@@ -360,10 +361,6 @@ def _add_vibrations(found: Answers, model: str, plan: Plan, batch: Batch, answer
     values = [_vibration(plan, problem, answer) for problem, answer in zip(batch.problems, answers, strict=True)]
     found.value[model, "response"] = np.reshape(values, (-1, 5))[batch.problem][:, at:]
     found.parts["response"] = tuple(part for part in QUANTITIES["response"].parts if part.name in names[at:])
-
-
-def _add_cycles(found: Answers, model: str, plan: Plan, batch: Batch, answers: Sequence[Answer]) -> None:
-    _add_stored(found, batch, model, QUANTITIES["cycle"], answers)
 
 
 def _vibration(plan: Plan, problem: Problem, answer: Answer) -> tuple[float, ...]:
@@ -387,9 +384,8 @@ PATHS: dict[str, Callable[[Answers, str, Plan, Batch, Sequence[Answer]], None]] 
     "critical_depth": _add_critical,
     "modes": _add_modes,
     "response": _add_vibrations,
-    "cycle": _add_cycles,
 }
-"""What adds the answers of quantities that are paths of their own."""
+"""What adds the answers of quantities that are paths of their own, where these are not stored as parts."""
 
 
 def _of_answers(batch: Batch, values: Sequence[float | None]) -> Array:

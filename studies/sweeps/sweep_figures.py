@@ -28,10 +28,10 @@ from studies.inputs import study_input
 from studies.mechanics.path_solver import KINDS
 from studies.mechanics.study_cases import Columns, Plan
 from studies.output import figures
-from studies.output.figures import SHADES, Figure, bands, panels, short, thinned
+from studies.output.figures import SHADES, Figure, bands, panels, thinned
 from studies.output.maps import ERROR_EDGES, WIDE, heat, spots
 from studies.output.text_tables import name_and_unit, quantity_name
-from studies.quantities import UNITS, Part, drawn_parts
+from studies.quantities import UNITS, Part, drawn_parts, shown
 from studies.sweeps.answer_curves import Axes, curves, drawable
 
 if TYPE_CHECKING:
@@ -155,7 +155,7 @@ def value_of(column: str, value: Any, D: float | None = None) -> str:
         return value
     name, unit = name_and_unit(column)
     over = f" ({name}/D = {value / D:.3g})" if D is not None and column in ("L_mm", "depth_mm", "shear_mm") else ""
-    return f"{name} = {short(value)} {unit}".strip() + over
+    return f"{name} = {shown(value, digits=4)} {unit}".strip() + over
 
 
 def in_words(column: str) -> str:
