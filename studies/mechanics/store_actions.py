@@ -166,10 +166,10 @@ def with_answers(
 
     blocks = []
     for start in range(0, len(found) or 1, BATCH):
-        if progress is not None:
-            progress(start / len(found), f"{len(found)} states")
         block = _answers(connection, found.index[start : start + BATCH])
         blocks.append(block if columns is None else block.filter(["damaged", *columns]))
+        if progress is not None:
+            progress(min(start + BATCH, len(found)) / len(found), f"{len(found)} states")
     answers = pd.concat(blocks)
     return found.join(answers[[name for name in answers if name not in found]])
 

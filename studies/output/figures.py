@@ -59,6 +59,8 @@ TICKS = {"x": 60, "y": 45}
 """Least room between ticks, pixels."""
 BETWEEN = {"row": 84, "column": 60}
 """Room between panels that have axes of their own, pixels."""
+BELOW: dict[str, Any] = {"labelAnchor": "middle", "labelFontWeight": "normal", "labelFontSize": 13, "labelPadding": 4}
+"""Look of the names of panels that are titles of their axes."""
 MOST_STACKED = 2
 """Number of figures beyond which those of few panels stand side by side in a picture, so that it fits a page."""
 SCALE = 2.5
@@ -261,7 +263,7 @@ def panels(
     Parameters
     ----------
     columns : greatest number of panels side by side.
-    own : axes of which each panel has its own scale; those of others compare.
+    own : axes of which each panel has its own scale; others compare. With "x" each panel is over an axis of its own.
     """
     import altair as alt
 
@@ -272,7 +274,11 @@ def panels(
     facet = alt.Facet("panel", type="nominal", title=None, sort=names)
     if own:
         # without the room of their axes, which differ, panels stand in line
-        spacing = BETWEEN | ({} if "y" in own else {"column": THEME["facet"]["spacing"]})
+        spacing = BETWEEN
+        if own == "x":
+            # what the panels are over stands below them, as titles of their axes
+            facet.header = alt.Header(labelOrient="bottom", **BELOW)
+            spacing = BETWEEN | {"column": THEME["facet"]["spacing"]}
         made = chart.facet(data=data, facet=facet, columns=columns, bounds="flush", spacing=spacing)
         return made.resolve_scale(**dict.fromkeys(own, "independent"))
     made = chart.facet(data=data, facet=facet, columns=columns)

@@ -46,12 +46,14 @@ class Axes(NamedTuple):
     log : axes with a logarithmic scale: "", "x", "y" or "xy".
     span : ends of the vertical axis, at which values beyond them stand; None for the range of the values.
     bars : whether intervals are bars where lines join the points, too.
+    titled : whether the horizontal axis has a title; panels over axes of their own are titled by these.
     """
 
     line: bool = True
     log: str = ""
     span: tuple[float, float] | None = None
     bars: bool = False
+    titled: bool = True
 
 
 def drawable(data: pd.DataFrame, x: str, y: str) -> pd.DataFrame:
@@ -69,7 +71,7 @@ def curves(data: pd.DataFrame, x: str, y: str, how: Axes = Axes(), names: Sequen
     """
     import altair as alt
 
-    across = alt.X(escaped(x), title=x, **_across(data[x], how, named=is_named(data, x)))
+    across = alt.X(escaped(x), title=x if how.titled else None, **_across(data[x], how, named=is_named(data, x)))
     up = alt.Y(escaped(y), title=y, type="quantitative", **_up(data[y], how))
     base, looks = alt.Chart().encode(x=across, y=up), _looks(data, names)
     colour = {"color": looks["color"]} if "color" in looks else {}

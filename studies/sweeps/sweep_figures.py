@@ -470,7 +470,7 @@ def _scattered(table: pd.DataFrame, axes: Sequence[str], study: SweepColumns, pa
             notes, shades = [SHADES, *notes], bands()
         data = drawable(pd.concat(parts, ignore_index=True), x, label)
         drawn, note = thinned(data, label)
-        chart = panels(alt.layer(*shades, *curves(drawn, x, label, Axes(line=False))), drawn, own="x")
+        chart = panels(alt.layer(*shades, *curves(drawn, x, label, Axes(line=False, titled=False))), drawn, own="x")
         title = f"{_capital(words)} of the sampled cases"
         yield Figure(title, caption, chart, data, (*note, *notes))
     for model, each in judged.dropna(subset="value").groupby("model", sort=False) if len(numeric) > 1 else ():
