@@ -26,7 +26,12 @@ FOLDER = DOCS / "reference"
 VERBS = [verb for verb in app if not verb.startswith("-")]
 PAGES = ["design", "load", "python", "quantities", "requirements", "verbs", *(f"verb/{verb}" for verb in VERBS)]
 """Names of the pages, each with its template; those of verbs share one."""
-DRAWINGS = {"sensor.svg": symbol_drawings.lengths, "loads.svg": symbol_drawings.loads}
+DRAWINGS = {
+    "sensor.svg": symbol_drawings.lengths,
+    "loads.svg": symbol_drawings.loads,
+    "reference/mesh.svg": symbol_drawings.mesh,
+    "reference/tips.svg": symbol_drawings.tips,
+}
 TASK = re.compile(r"^\| ([^|]+) \| `(magtip \w[^|]*)` \|$", re.M)
 
 

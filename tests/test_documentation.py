@@ -77,16 +77,15 @@ def slug(heading):
 def check_links(text, path):
     """Links of a document lead to files and headings, or to what is made when the site is built."""
     run = path in (documented_commands.PICTURES, *documented_commands.TUTORIALS)
-    made = documented_commands.pictures(path) if run else ()
+    drawn = documented_commands.pictures(path) if run else ()
     for target in LINK.findall(text):
-        if target.startswith(("http://", "https://")) or target in made:
+        if target.startswith(("http://", "https://")) or target in drawn:
             continue
         file, _, anchor = target.partition("#")
         goal = (path.parent / file).resolve() if file else path
         if goal.is_relative_to(reference_pages.FOLDER):
-            assert goal.relative_to(reference_pages.FOLDER).with_suffix("").as_posix() in reference_pages.PAGES, (
-                target
-            )
+            made = [*(f"reference/{page}.md" for page in reference_pages.PAGES), *reference_pages.DRAWINGS]
+            assert goal.relative_to(reference_pages.DOCS).as_posix() in made, target
             continue
         assert goal.exists(), target
         if anchor:

@@ -1,4 +1,4 @@
-"""Two drawings that explain a design: its lengths by their symbols, and its loads with their signs.
+"""Drawings that explain a design: its lengths by their symbols, its loads with their signs, its mesh and its tips.
 
 The lengths are those of the exact solids. The bodies under load are sections of finite-element solutions at level
 quick, drawn to scale; dashed lines show the body at rest.
@@ -8,11 +8,13 @@ from __future__ import annotations
 
 import itertools
 import math
+from dataclasses import replace
 
 import numpy as np
 
 from fem.accuracy import QUICK
-from fem.equilibrium import solve
+from fem.equilibrium import solve, trace
+from fem.solution import Solution
 from geometry import cad
 from geometry.arrays import Array, Ints, Point
 from geometry.bad_input import SolveFailed
@@ -87,12 +89,43 @@ def loads(design: Design) -> str:
     return picture("Loads of the sensor", [[press, tilted], [sheared, held]], scale)
 
 
+def mesh(design: Design) -> str:
+    """Return the drawing of the mesh of a pressed design, with base and plate, as SVG."""
+    state = solve(design, Load(design.D / 8), QUICK)
+    view, cut = _drawn(design, state, "section of a press, level quick"), solution_pictures.cut_of(state)
+    sides = np.unique(np.sort(cut.triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1), axis=0)
+    ends = cut.moved[sides][:, :, [0, 2]].tolist()
+    view.paths.append(([[Piece((a, b), (c, d))] for (a, b), (c, d) in ends], "thin"))
+    _frame(view, (-1.9 * design.R, -0.1 * design.R), "xz")
+    return picture("Mesh of a press", [[view]], 2 * LOADED / design.L)
+
+
+def tips(design: Design) -> str:
+    """Return the drawing of a free, a guided and a glued tip of a beam of silicone with L = 3 D, as SVG."""
+    D = design.D
+    beam = replace(design, L=3 * D, magnet_diameter=0.0, magnet_height=0.0, magnet_edge_radius=0.0)
+    presses = [Load(D / 5 * k / 4, imperfection=3e-5 * design.E * D**2) for k in range(1, 5)]
+    states = {
+        "free tip, gives way": trace(beam, presses, QUICK, magnet="ignored")[-1],
+        "guided tip, same depth": solve(beam, Load(D / 5), QUICK, magnet="ignored"),
+        "glued tip, sheared": solve(beam, Load(D / 20, D / 2, friction="stick"), QUICK, magnet="ignored"),
+    }
+    views = [[_drawn(beam, state, title)] for title, state in states.items()]
+    _frame(views[0][0], (-2.5 * design.R, 0.1 * design.R), "xz")
+    return picture("Three tips", views, LOADED / design.L / 1.5)
+
+
 def _under(design: Design, load: Load, title: str) -> tuple[View, Response]:
     """Return the section of the sensor under a load, with plate or grip and its outline at rest, and its response."""
     state = solve(design, load, QUICK)
     if state.status != "ok":
         raise SolveFailed(f"the drawing of a {title} has no stable state: {state.message}")
-    view, cut, R = View(title), solution_pictures.cut_of(state), design.R
+    return _drawn(design, state, title), state.response
+
+
+def _drawn(design: Design, state: Solution, title: str) -> View:
+    """Return the section of a state with plate or grip, and its outline at rest."""
+    view, cut, R, load = View(title), solution_pictures.cut_of(state), design.R, state.load
     outlines = _loops(cut.edges, cut.rest)
     skin = max(outlines, key=lambda loop: float(np.ptp(cut.rest[loop, 2])))
     moved, rest = cut.moved[skin][:, [0, 2]], cut.rest[skin][:, [0, 2]]
@@ -107,7 +140,7 @@ def _under(design: Design, load: Load, title: str) -> tuple[View, Response]:
         shift, tilt = state.response.shift, state.response.tilt
         _fill(view, deformed_body.magnet_outline(design, shift[0], shift[2], tilt), "magnet")
     _fill(view, rest, "rest")
-    return view, state.response
+    return view
 
 
 def _plate(design: Design, load: Load, depth: float) -> Array:
