@@ -43,17 +43,14 @@ def solve(design: Design, load: Load, level: str = "paper") -> Response:
     Raises
     ------
     BadInput
-        Unknown level, a tilted plate, an imperfection, or a load that the level cannot carry or `check_load`
-        refuses. The paper's level carries depths up to D/2; the others no Coulomb friction, and no shear of a plate
-        that touches nothing.
+        Unknown level, a tilted plate or another field that formulas do not know, or a load that the level cannot
+        carry or `check_load` refuses. The paper's level carries depths up to D/2; the others no Coulomb friction, and
+        no shear of a plate that touches nothing.
     """
     if level not in LEVELS:
         raise BadInput(f"level must be one of {', '.join(LEVELS)}; got {level!r}")
-    if load.plate_tilt:
-        tilt = math.degrees(load.plate_tilt)
-        raise BadInput(f"the formulas cannot model a tilted plate: plate tilt must be 0; got {tilt:.4g} degrees")
-    if load.imperfection:
-        raise BadInput(f"the formulas cannot model an imperfection: it must be 0; got {load.imperfection:g} N")
+    if unknown := load.beyond("depth", "shear_x", "shear_y", "friction", "grip"):
+        raise BadInput(f"the formulas cannot model {unknown[0]}: leave it out, or take finite elements")
     terms = TERMS.get(level)
     rigid = terms is not None and terms.magnet and design.shape.has_magnet
     check_load(design, load, magnet="rigid" if rigid else "ignored")

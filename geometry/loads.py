@@ -154,6 +154,21 @@ class Load:
         """
         return dataclasses.replace(self, depth=0.0, shear_x=0.0, shear_y=0.0)
 
+    def beyond(self, *known: str) -> list[str]:
+        """Return what a model that knows some fields only does not know of the load: names, values and units.
+
+        >>> Load(0.5, plate_tilt=0.1).beyond("depth"), Load(0.5, friction="stick").beyond("depth", "friction")
+        (['plate tilt = 5.73 deg'], [])
+        """
+        found = []
+        for spec in dataclasses.fields(self):
+            value, unit = getattr(self, spec.name), spec.metadata["unit"]
+            if spec.name not in known and value != spec.default:
+                shown = math.degrees(value) if unit == "deg" else value
+                text = shown if isinstance(shown, str) else f"{shown:.3g}"
+                found.append(f"{spec.name.replace('_', ' ')} = {text} {'' if unit == '1' else unit}".rstrip())
+        return found
+
     @property
     def coulomb(self) -> float | None:
         """Coefficient of Coulomb friction; None for a frictionless plate, for a bonded one, and for a grip.

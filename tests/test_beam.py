@@ -216,8 +216,8 @@ def test_range(design, load, level, text):
     ("load", "level", "text"),
     [
         (Load(depth=1), "fem", r"level must be one of paper, column, .*; got 'fem'"),
-        (Load(depth=1, plate_tilt=0.1), "paper", r"a tilted plate: plate tilt must be 0; got 5\.73 degrees"),
-        (Load(depth=1, imperfection=0.01), "paper", "cannot model an imperfection"),
+        (Load(depth=1, plate_tilt=0.1), "paper", r"cannot model plate tilt = 5\.73 deg: leave it out"),
+        (Load(depth=1, imperfection=0.01), "paper", "cannot model imperfection = 0.01 N"),
         (Load(depth=4.01), "paper", r"must not exceed the tip radius D/2 = 4 mm.*got 4.01 mm"),
         (Load(depth=9), "paper", "depth must be less than 9 mm"),
         (Load(shear_x=1, grip=9), "paper", "grip must be less than L"),

@@ -133,7 +133,7 @@ def said(*words):
     return status, out.getvalue()
 
 cases = pd.DataFrame({"pad_mm": [1.0, 2.0], "lift_N": 0.5, "depth_mm": 0.5})
-answers = magtip.answer(cases, ["finite"], quantities=["force", "sag"])
+answers = magtip.answer(cases, ["spring"], quantities=["force", "sag"])
 sprung = magtip.answer(pd.DataFrame({"L_mm": [9.0, 12.0, 1.0], "depth_mm": 0.5}), ["finite", "spring"],
                        reference="spring", quantities=["force", "stiffness", "sag"])
 try:
@@ -143,9 +143,10 @@ except magtip.BadInput as error:
 refused = magtip.answer(cases.assign(pad_mm=[1.0, 10.0], lift_N=[-1.0, 0.5]), ["finite"], quantities=["force"])
 sweep = ("sweep", "paper", "--axis", "pad=1,2", "--axis", "lift=0,0.5", "--depth", "0.5", "--models", "finite,spring",
          "--quantities", "force,sag")
-lifted = ("solve", "paper", "--lift", "0.25", "--tolerance", "5%")
+lifted = ("solve", "paper", "--lift", "0.25", "--accuracy", "quick")
 print("RESULT" + json.dumps({
     "answers": list(answers), "refused": list(refused.message),
+    "beyond": list(magtip.answer(cases, ["finite", "surrogate"], quantities=["force"]).message),
     "chart": magtip.plot(answers, x="pad_mm", y="force_N").to_dict(),
     "loads": magtip.plot(answers.assign(lift_N=[0.0, 0.5]), x="lift_N", y="force_N").to_dict(),
     "json": said(*sweep, "--json"), "files": said(*sweep, "--out", "swept"), "help": said("sweep", "--help"),
@@ -242,6 +243,12 @@ def test_a_field_of_a_load_is_an_option_and_a_column_of_solve(copy):
     assert json.loads(found["state"][1])["lift_N"] == 0.25
     assert {"lift", "0.25"} <= {*found["states"][1].split()}
     assert found["low"][0] == 2
+
+
+def test_models_that_do_not_know_a_field_of_a_load_refuse_it(copy):
+    _, found = copy
+    assert "the formulas cannot model lift = 0.5 N" in found["beyond"][0]
+    assert "the surrogate does not know lift = 0.5 N" in found["beyond"][0]
 
 
 def test_a_field_of_a_load_has_a_control_on_the_page_and_acts_there(copy):

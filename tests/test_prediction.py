@@ -169,7 +169,7 @@ def test_a_shear_in_another_direction_is_turned():
         (paper(), Load(depth=0.05), "depths of 0.08 to 2.8 mm here; got 0.05 mm"),
         (paper(), Load(depth=1.0, shear_x=3.1, friction="stick"), "shears to 3 mm here; got 3.1 mm"),
         (paper(), Load(depth=1.0, shear_x=1.0, friction=0.5), "does not know Coulomb friction"),
-        (paper(), Load(depth=0.5, plate_tilt=0.1), "does not know tilted plates"),
+        (paper(), Load(depth=0.5, plate_tilt=0.1), "does not know plate tilt = 5.73 deg"),
         (replace(paper(), law="ogden"), Load(depth=0.5), "law neo-hookean only; got ogden"),
         (
             replace(paper(), L=30.0, l0=28.2),
@@ -261,7 +261,11 @@ def test_the_tolerance_that_a_refusal_names_is_met():
 
 @pytest.mark.parametrize(
     ("load", "words"),
-    [(Load(grip=1.0, shear_x=0.5), "grips"), (TILTED, "tilted plates"), (Load(depth=0.01), "depths below 0.01 D")],
+    [
+        (Load(grip=1.0, shear_x=0.5), "grip = 1 mm"),
+        (TILTED, "plate tilt = "),
+        (Load(depth=0.01), "depths below 0.01 D"),
+    ],
 )
 def test_bounds_grow_beyond_the_study(load, words):
     place = region(paper(), load, "rigid")

@@ -131,8 +131,7 @@ def refusal_of_kind(design: Design, load: Load, magnet: Magnet) -> str:
         f"the surrogate knows the law neo-hookean only; got {design.law}": design.law != "neo-hookean",
         "the surrogate knows beams with a rigid magnet only": not design.shape.has_magnet or magnet == "ignored",
         "the surrogate does not know Coulomb friction": load.coulomb is not None,
-        "the surrogate does not know grips": load.grip is not None,
-        "the surrogate does not know tilted plates": bool(load.plate_tilt),
-        "the surrogate does not know imperfections": bool(load.imperfection),
+    } | {
+        f"the surrogate does not know {each}": True for each in load.beyond("depth", "shear_x", "shear_y", "friction")
     }
     return next((text for text, refused in reasons.items() if refused), "")

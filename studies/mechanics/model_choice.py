@@ -351,13 +351,11 @@ def region(design: Design, load: Load, magnet: Magnet, kind: Kind | None = None)
     factors = {
         f"L/D = {slender:.3g}": 1.0 if LENGTHS[0] / slack <= slender <= LENGTHS[1] * slack else BEYOND,
         f"nu = {design.nu:g}": 1.0 if design.nu >= LEAST_NU else BEYOND,
-        "grips": 1.0 if load.grip is None else BEYOND,
-        "tilted plates": BEYOND if load.plate_tilt else 1.0,
-        "imperfections": BEYOND if load.imperfection else 1.0,
         f"depths below {SHALLOWEST:g} D": max(shallow, 1.0) ** CONTACT_POWER,
         f"depths beyond {deepest / design.D:.2g} D": max(load.depth / deepest / slack, 1.0),
         f"shears beyond {FARTHEST:g} D": max(load.shears_tip * load.shear / (FARTHEST * design.D) / slack, 1.0),
     }
+    factors |= dict.fromkeys(load.beyond("depth", "shear_x", "shear_y", "friction"), BEYOND)
     growth = math.prod(factors.values())
     beyond = ", ".join(name for name, factor in factors.items() if factor > 1)
     return Region(kind, _region_name(design, load, magnet, kind, slack), growth, beyond)

@@ -243,10 +243,8 @@ TOLERANCE = 1e-3
 def cycle_of(scene: Scene, motion: PlateMotion) -> Motion:
     """Return the cycles of a scene whose load is in its canonical form, with a shear along x only."""
     (load,) = scene.loads
-    if load.grip is not None or load.plate_tilt or load.imperfection or load.shear_y:
-        raise BadInput(
-            "a cycle needs an upright plate and a shear along x: leave out grip, plate tilt and imperfection"
-        )
+    if unknown := load.beyond("depth", "shear_x", "friction"):
+        raise BadInput(f"a cycle needs an upright plate and a shear along x: leave out {', '.join(unknown)}")
     if motion.frequency is None and motion.speed is None:
         raise BadInput("a cycle needs a rate: give the field speed in mm/s or frequency in Hz")
     frequency = frequency_of(motion.speed, motion.frequency, 2 * load.shear_x or load.depth)
