@@ -12,13 +12,14 @@ import pytest
 from ezdxf import bbox
 
 from geometry import cad
-from geometry.bad_input import SolveFailed
+from geometry.bad_input import BadInput, SolveFailed
 from geometry.base import Base, base, plan
 from geometry.design import Design, paper
 from geometry.fabrication import magnet_jig
 from geometry.fabrication.board_drawing import LAYERS, board, chip_pads, pads
 from geometry.fabrication.hall_elements import bodies, places
 from geometry.fabrication.mold_solids import closed_mold, halves
+from geometry.fabrication.printability import PROCESSES
 from geometry.fabrication.technical_drawing import HEIGHT, WIDTH, Piece, View, number, sheet
 from geometry.hall_chips import CHIPS
 from geometry.mold import Mold, sizes
@@ -225,3 +226,11 @@ def test_a_chip_has_rows_of_separate_pads_around_its_plates(layout):
     wide = tall if row.centre else wide
     assert extents(drawing, "PADS") == pytest.approx([x - wide, y - tall, x + wide, y + tall])
     assert row.width < row.pitch
+
+
+def test_the_date_of_a_sheet_is_that_of_a_repeated_build(monkeypatch):
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "86400")
+    assert "1970-01-02, general tolerance ±0.05" in part_drawings.stamp(Design(), PROCESSES["sla"])
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "today")
+    with pytest.raises(BadInput, match="SOURCE_DATE_EPOCH must be a whole number of seconds; got 'today'"):
+        part_drawings.stamp(Design(), PROCESSES["sla"])

@@ -144,6 +144,8 @@ def installed(name: str) -> str | None:
 def today() -> datetime.date:
     """Return today's date, or that of SOURCE_DATE_EPOCH, by which a build is repeated to the byte."""
     seconds = os.environ.get("SOURCE_DATE_EPOCH")
+    if seconds and not seconds.isdecimal():
+        raise BadInput(f"SOURCE_DATE_EPOCH must be a whole number of seconds; got {seconds!r}: set another, or none")
     return datetime.datetime.fromtimestamp(int(seconds), datetime.UTC).date() if seconds else datetime.date.today()
 
 
