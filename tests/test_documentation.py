@@ -182,6 +182,14 @@ def test_every_verb_has_a_row():
     assert verbs == set(re.findall(r"\| `magtip (\w+)[^|]*` \|$", text, flags=re.M))
 
 
+def test_no_row_of_a_table_is_longer_than_two_lines():
+    """Pages of results are made by their studies."""
+    written = [path for path in DOCUMENTS if path.name == "README.md" or (ROOT / "docs") in path.parents]
+    written = [path for path in written if not path.is_relative_to(ROOT / "results" / "sizing")]
+    rows = [line for path in written for line in prose(path).splitlines() if line.lstrip().startswith("|")]
+    assert [row for row in rows if len(row) > 240] == []
+
+
 def test_every_result_that_is_shown_stands_on_the_page_of_its_verb():
     shown = re.findall(r"^## (.*)$", documented_commands.PICTURES.read_text("utf-8"), flags=re.M)
     assert set(shown) <= set(reference_pages.VERBS)
