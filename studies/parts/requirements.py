@@ -66,7 +66,7 @@ class Criterion:
     gives : whether advice may loosen the bound.
     varies : whether the value differs between made sensors of one design.
     softest : whether it is worst at the least E, whatever the load.
-    name, unit : of the requirement, and the unit in which values are shown, "" for none.
+    name, unit : of the requirement, and the unit in which values are shown (`studies.quantities.UNITS`).
     """
 
     way: int
@@ -78,7 +78,7 @@ class Criterion:
     varies: bool = True
     softest: bool = False
     name: str = ""
-    unit: str = ""
+    unit: str = "1"
 
     @property
     def figure(self) -> str:
@@ -88,7 +88,7 @@ class Criterion:
     @property
     def factor(self) -> float:
         """The value in the shown unit over that in the unit of the requirement."""
-        return FACTORS.get("percent" if self.unit == "%" else self.unit, 1.0)
+        return FACTORS.get(self.unit, 1.0)
 
     def value_of(self, of: Figures, needed: Requirements) -> Array:
         """Return the value of n sensors, NaN where it is unknown."""
@@ -163,13 +163,13 @@ class Requirements:
         "N", 1e-9, 1e4, "standard deviation of the decoded force in x and y at the worst load", '"50 mN"', shown="mN",
         criterion=at_most("resolution in x and y", "resolution_x"))
     largest_strain: float | None = _number(
-        "1", 0.01, 5.0, "largest strain of the silicone, under any load", '"100 %"', shown="%",
+        "1", 0.01, 5.0, "largest strain of the silicone, under any load", '"100 %"', shown="percent",
         criterion=at_most("largest strain", "strain"))
     drift_per_K: float | None = _number(
-        "1", 1e-7, 1.0, "change of the decoded forces per K, over full scale", '"2 %"', shown="%",
+        "1", 1e-7, 1.0, "change of the decoded forces per K, over full scale", '"2 %"', shown="percent",
         criterion=at_most("drift of the forces per K, of full scale", "drift"))
     hysteresis: float | None = _number(
-        "1", 1e-4, 1.0, "gap of loading and unloading at mid-stroke, over full scale", '"10 %"', shown="%",
+        "1", 1e-4, 1.0, "gap of loading and unloading at mid-stroke, over full scale", '"10 %"', shown="percent",
         criterion=at_most("hysteresis of a press, of full scale", "hysteresis"))
     speed: float | None = _number("mm/s", 1e-6, 1e6, "speed of the plate, for hysteresis", '"1 mm/s"')
     stability_margin: float = _number(
@@ -188,14 +188,14 @@ class Requirements:
         "mm", 0.1, 5000, "from the underside of the base to the tip", '"30 mm"',
         criterion=at_most("height", "height", varies=False))
     least_yield: float | None = _number(
-        "1", 0.01, 0.99, "least share of made sensors that meet all the others", '"90 %"', shown="%")
+        "1", 0.01, 0.99, "least share of made sensors that meet all the others", '"90 %"', shown="percent")
     D_low: float | None = _number("mm", 0.1, 200, "least diameter")
     D_high: float | None = _number("mm", 0.1, 200, "largest diameter")
     wall: float | None = _number(
         "mm", 0.05, 10, "thinnest printed wall or pin; default: that of the process", '"0.5 mm"',
         criterion=at_least("thinnest wall", "wall", varies=False))
     no_saturation: bool = _key(
-        True, "no reading reaches a rail", "true", shown="%",
+        True, "no reading reaches a rail", "true", shown="percent",
         criterion=at_least("distance from the rail", "saturation", level=0.0))
     unique_decoding: bool = _key(
         True, "no two loads have the same readings", "true",
@@ -366,8 +366,8 @@ LIMITS = {spec.name: spec for spec in FIELDS if "low" in spec.metadata}
 """Fields of `Requirements` with a number, a unit and a range, by name."""
 SWITCHES = tuple(spec for spec in FIELDS if spec.default is True)
 """Fields of `Requirements` that are required or not."""
-SHOWN = {spec.name: spec.metadata.get("shown", spec.metadata["unit"]).replace("1", "") for spec in FIELDS}
-"""Units in which values of the fields are shown, "" for none."""
+SHOWN = {spec.name: spec.metadata.get("shown", spec.metadata["unit"]) for spec in FIELDS}
+"""Units in which values of the fields are shown."""
 CRITERIA = {
     spec.name: dataclasses.replace(spec.metadata["criterion"], name=spec.name, unit=SHOWN[spec.name])
     for spec in FIELDS

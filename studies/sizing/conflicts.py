@@ -77,7 +77,7 @@ def amount(name: str, value: float) -> str:
     >>> amount("largest_strain", 0.49), amount("resolution_z", 0.02), amount("force_z", 5.0), amount("samples", 16)
     ('49 %', '20 mN', '5 N', '16')
     """
-    unit = "percent" if SHOWN[name] == "%" else LIMITS[name].metadata["unit"] if name in LIMITS else "1"
+    unit = "percent" if SHOWN[name] == "percent" else LIMITS[name].metadata["unit"] if name in LIMITS else "1"
     return shown(float(value), "mN" if unit == "N" and abs(value) < 0.1 else unit, 4)
 
 

@@ -37,6 +37,7 @@ from studies.cases import FiniteElements
 from studies.mechanics.tasks import finished
 from studies.output.records import FlatRow
 from studies.parts.requirements import CRITERIA, MOST
+from studies.quantities import UNITS
 from studies.simulation.solved_beams import MOTIONS, SolvedBeams
 from studies.sizing import front_yield
 from studies.sizing.candidate_performance import LEAST, NO_SHEAR, Performance, margins, performance
@@ -277,7 +278,7 @@ def _worst(solved: Performance, k: int, variant: Variant) -> list[FlatRow]:
             {
                 "figure": name,
                 "value": criterion.factor * float(solved.values[name][k]),
-                "unit": criterion.unit,
+                "unit": UNITS[criterion.unit],
                 "E_MPa": (silicone.E_low, silicone.E_high)[solved.corner[at]],
                 "remanence_T": magnet.remanence_high if name == "saturation" else magnet.remanence_low,
                 "force_z_N": z,

@@ -425,7 +425,7 @@ def _reached(solved: Mapping[str, float], needed: Requirements) -> list[FlatRow]
     for name, each in CRITERIA.items():
         if name in FORCES or each.level is not None or not (name in asked or each.figure in (*COMPARED, *ALIKE)):
             continue
-        value = each.factor * float(each.value_of(values, needed))
+        value = float(each.value_of(values, needed))
         rows += [{"words": each.words, "value": value, "unit": each.unit}] * math.isfinite(value)
     return rows
 

@@ -21,7 +21,7 @@ from studies.beam import surrogate_range, surrogate_response
 from studies.inputs import user_input
 from studies.parts.catalogues import catalogues_of
 from studies.parts.requirements import Criterion, Requirements, read_requirements, stated_requirements
-from studies.quantities import shown
+from studies.quantities import UNITS, shown
 from studies.sizing import candidate_performance, sensor_arrays, variant_search
 from studies.sizing.candidate_performance import Performance
 from studies.sizing.candidate_variables import Variant
@@ -144,12 +144,7 @@ def margins(design: Design, needed: Requirements | None) -> Data:
 
 
 def _row(criterion: Criterion, bound: float, result: Performance, variant: Variant, needed: Requirements) -> Data:
-    name, unit, scale, margin = (
-        criterion.name,
-        criterion.unit,
-        criterion.factor,
-        float(result.margins[criterion.name][0]),
-    )
+    name, scale, margin = criterion.name, criterion.factor, float(result.margins[criterion.name][0])
     value = float(criterion.value_of(result.values, needed)[0])
     share = shown(abs(margin), "percent")
     text = f"{share} left" if margin >= 0 else f"missed by {share}"
@@ -159,7 +154,7 @@ def _row(criterion: Criterion, bound: float, result: Performance, variant: Varia
         text = "met" if margin >= 0 else "missed"
     name_and_bound = f"{criterion.words}, at {'least' if criterion.way > 0 else 'most'} {scale * bound:.4g}"
     known = scale * value if math.isfinite(value) else None
-    return number(name_and_bound, unit, known, text, _corner(criterion, result, variant))
+    return number(name_and_bound, UNITS[criterion.unit], known, text, _corner(criterion, result, variant))
 
 
 def _corner(criterion: Criterion, result: Performance, variant: Variant) -> str:
