@@ -31,10 +31,11 @@ def needed(names):
     return found
 
 
-def make(folder):
+def make(folder, names=("magtip", *TESTS), without=()):
+    """Make an environment of what these need, without some of it."""
     venv.create(folder, clear=True, symlinks=True)
     (packages,) = folder.glob("lib/python*/site-packages")
-    for name in needed(["magtip", *TESTS]):
+    for name in needed(names).keys() - set(without):
         files = metadata.files(name) or []
         for top in {file.parts[0] for file in files} - {"..", "__pycache__"}:
             link = packages / top
