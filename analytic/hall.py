@@ -211,7 +211,9 @@ class BatchReadings:
     saturated: NDArray[np.bool_]
 
 
-def batch_readings(designs: Sequence[Design], owner: NDArray[np.int64], shift: Array, tilt: Array) -> BatchReadings:
+def batch_readings(
+    designs: Sequence[Design], owner: NDArray[np.int64], shift: Array, tilt: Array, offset: Array | None = None
+) -> BatchReadings:
     """Return the values of `readings` for n rows, up to rounding; row i belongs to the design `designs[owner[i]]`.
 
     Designs whose magnets and elements have the same sizes and places share one call of the field, so that those which
@@ -222,6 +224,7 @@ def batch_readings(designs: Sequence[Design], owner: NDArray[np.int64], shift: A
     owner : index of each row's design, shape (n,).
     shift : displacement of the magnet's centre, shape (n, 3), mm; NaN for no pose.
     tilt : rotation vectors (rx, ry) as in `field_at`, shape (n, 2), rad; NaN for no pose.
+    offset : displacement of each element from its place in the design, shape (n, k, 3), mm; default: 0.
 
     Returns
     -------
@@ -247,7 +250,8 @@ def batch_readings(designs: Sequence[Design], owner: NDArray[np.int64], shift: A
     counts = np.array([len(points) for points, _ in plates])
     for count in np.unique(counts).tolist():
         alike = rows[counts[site_of[owner[rows]]] == count]
-        values = _along_elements(sites, plates, site_of[owner[alike]], shift[alike], tilt[alike])
+        moved = None if offset is None else offset[alike]
+        values = _along_elements(sites, plates, site_of[owner[alike]], shift[alike], tilt[alike], moved)
         values[np.isnan(values).any(axis=1)] = np.nan
         measured[alike, : values.shape[1]] = values
     measured *= np.array([design.polarisation for design in designs])[owner, None]
@@ -258,7 +262,7 @@ def batch_readings(designs: Sequence[Design], owner: NDArray[np.int64], shift: A
 
 def _along_elements(
     sites: Sequence[Design], plates: Sequence[tuple[Array, NDArray[np.int64]]], site: NDArray[np.int64],
-    shift: Array, tilt: Array,
+    shift: Array, tilt: Array, offset: Array | None,
 ) -> Array:  # fmt: skip
     """Return what the elements measure over the polarisation, shape (n, k), in poses that are sorted by their site.
 
@@ -270,6 +274,8 @@ def _along_elements(
     owners = plates[site[0]][1]
     points = np.array([plates[k][0] - [0.0, 0.0, sites[k].H] for k in site[start]])
     moved = np.repeat(points, np.diff(start, append=len(site)), axis=0) - shift[:, None]
+    if offset is not None:
+        moved += offset[:, owners]
     local, turn = FLIP * rotated(moved, -tilt[:, None]), tilt[:, None]
     for low, high in itertools.pairwise([*start.tolist(), len(site)]):
         design, part = sites[site[low]], local[low:high]

@@ -8,10 +8,9 @@ Each sensor is an independent draw, so that a share of them has a binomial sampl
 magnet in the silicone and the assembly moves the elements. These deviations change the readings. Their effect on the
 mechanics is neglected: the silicone still deforms as if the magnet were centred and upright.
 
-The magnet's offset turns with the silicone around it, and its tilt adds to that of the state. An element that is
-displaced reads as if the magnet were displaced the other way, so each element's offset enters as a shift of the pose.
-Outputs are those before the converter rounds them: a step of a chip is no deviation of a sensor, and would hide in
-which sense its reading changes.
+The magnet's offset turns with the silicone around it, and its tilt adds to that of the state. Outputs are those
+before the converter rounds them: a step of a chip is no deviation of a sensor, and would hide in which sense its
+reading changes.
 """
 
 from __future__ import annotations
@@ -226,13 +225,9 @@ def made_readings(sensors: MadeSensors, shift: Array, tilt: Array) -> BatchReadi
     # rotation vectors add up to a turn about z, which moves the axis of the magnet by a third-order angle only
     turn = tilt + sensors.magnet_tilt[:, None]
     moved = shift + rotated(sensors.magnet_offset[:, None], tilt)
-    relative = moved[:, :, None] - sensors.element_offset[:, None]
-    m = sensors.element_offset.shape[1]
-    owner = np.repeat(np.arange(count), states * m)
-    poses = np.repeat(turn.reshape(-1, 2), m, axis=0)
-    rows = batch_readings(designs, owner, relative.reshape(-1, 3), poses)
-    # row j of a state has the offset of element j: only the reading of this element is right
-    field = np.diagonal(rows.field_T.reshape(count, states, m, m), axis1=2, axis2=3)
+    owner, offset = np.repeat(np.arange(count), states), np.repeat(sensors.element_offset, states, axis=0)
+    rows = batch_readings(designs, owner, moved.reshape(-1, 3), turn.reshape(-1, 2), offset)
+    field = rows.field_T.reshape(count, states, offset.shape[1])
     gain, null, low, high, *_ = common_values(sensors.nominal)
     raw = null + sensors.null_shift[:, None] + gain * sensors.gain_factor[:, None] * field
     output, saturated = converted(raw, np.array(low), np.array(high), np.array(0.0))
