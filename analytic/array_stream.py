@@ -57,8 +57,7 @@ class ArrayStream:
         full = at_rail(self.coder.forward.elements, fields.T).any(axis=0)
         lost = np.asarray(full | ~np.isfinite(fields).all(axis=1))
         rows = np.where(lost[:, None], np.nan, fields + self.offset)
-        shift = self._poses(rows)
-        total, own = self._readings(shift)
+        shift, total, own = self._poses(rows)
         found, fits = np.asarray(np.isfinite(shift[:, 2])), self._fits(rows - total)
         shift[~fits] = np.nan
         known = found & fits
@@ -74,19 +73,20 @@ class ArrayStream:
                 status[k], force[k] = series.step(time, rows[k], status[k], force[k], load[k])
         return Frame(status, shift, tilt, force, load, (rows - total + own) * self.array.poles[:, None])
 
-    def _poses(self, rows: Array) -> Array:
-        """Return the shifts (n, 3) with the readings (n, k), NaN for beams without any."""
+    def _poses(self, rows: Array) -> tuple[Array, Array, Array]:
+        """Return the shifts (n, 3) with the readings (n, k), NaN for beams without any, and their `_readings`."""
         readings, last = rows[None], self._last[None]
         (found,) = beam_arrays.decoded_jointly(self.coder, self.array, readings, last)
-        given = np.isfinite(rows).all(axis=1)
-        if np.isfinite(found[given]).all() and self._fits(rows - self._readings(found)[0])[given].all():
-            return np.asarray(found)
+        given, (total, own) = np.isfinite(rows).all(axis=1), self._readings(found)
+        if np.isfinite(found[given]).all() and self._fits(rows - total)[given].all():
+            return found, total, own
         # by themselves, with neighbours where they were last, and again with those found
         for _ in range(2):
             alone = beam_arrays.less_neighbours(self.coder, self.array, readings, last)
             last = np.where(np.isfinite(alone.shift[None]), alone.shift[None], last)
         held = np.where(np.isfinite(alone.shift[:, :1]), rows, np.nan)
-        return np.asarray(beam_arrays.decoded_jointly(self.coder, self.array, held[None], last)[0])
+        (found,) = beam_arrays.decoded_jointly(self.coder, self.array, held[None], last)
+        return found, *self._readings(found)
 
     def _readings(self, shift: Array) -> tuple[Array, Array]:
         """Return the readings (n, k), T, at shifts (n, 3), mm, and the part of each beam's own magnet; a beam without
@@ -114,9 +114,3 @@ def _word(full: bool, given: bool, found: bool, fits: bool, pressed: bool) -> St
     if not fits:
         return "inconsistent"
     return "ok" if pressed else "tension"
-
-
-def decode_frames(stream: ArrayStream, fields: Array, times: Array | None = None) -> list[Frame]:
-    """Decode frames (f, n, k), T, one after the other, at times (f,), s, if they are known."""
-    moments = [None] * len(fields) if times is None else times.tolist()
-    return [stream.step(frame, moment) for frame, moment in zip(fields, moments, strict=True)]
