@@ -41,6 +41,13 @@ unique_decoding = false
 stability_margin = 1.2
 first_mode = 100
 drift_per_K = "0.2 %"
+ambient_error = "20 mN"
+ambient_field = "60 uT"
+ambient_turn = "90 deg"
+reject_ambient = true
+chips = 3
+temperature_error = 0.5
+temperature_change = "15 K"
 hysteresis = "8 %"
 speed = "0.5 mm/s"
 least_yield = "90 %"
@@ -78,6 +85,13 @@ def test_every_key(toml, tmp_path):
         stability_margin=1.2,
         first_mode=100.0,
         drift_per_K=0.002,
+        ambient_error=0.02,
+        ambient_field=60e-6,
+        ambient_turn=90.0,
+        reject_ambient=True,
+        chips=3,
+        temperature_error=0.5,
+        temperature_change=15.0,
         hysteresis=0.08,
         least_yield=0.9,
         speed=0.5,
@@ -106,7 +120,7 @@ def test_size_says_which_of_its_arguments_is_missing(toml, run):
 
 def test_rows_state_what_is_unset():
     states = {row["requirement"]: row["state"] for row in Requirements(force_z=5.0, largest_strain=0.4).rows()}
-    assert set(states) == {*LIMITS, "no_saturation", "unique_decoding", "screws"}
+    assert set(states) == {*LIMITS, "no_saturation", "unique_decoding", "screws", "reject_ambient"}
     assert states["force_z"] == states["largest_strain"] == "set"
     assert states["stability_margin"] == states["no_saturation"] == "default"
     assert states["force_x"] == states["first_mode"] == "unset"
@@ -130,6 +144,7 @@ def test_rows_state_what_is_unset():
         ("force_z = 5\nsamples = 1.5", ["samples must be a whole number; got 1.5"]),
         ("force_z = 5\nno_saturation = 1", ["no_saturation must be true or false; got 1"]),
         ("force_z = 5\nseed = -1", ["seed must be 0 or more"]),
+        ("force_z = 5\nreject_ambient = true", ["needs 3 chips of three axes, and chips = 1 allows fewer"]),
         ('force_z = 5\nprocess = "cnc"', ["process must be 'fdm' or 'sla'", "cnc"]),
         ('force_z = 5\nshipped = ["magnet"]', ["shipped: there is no key 'magnet'", "did you mean magnets"]),
         ("force_z = 5\nmagnets = []", ["magnets is empty: name one or more"]),

@@ -22,6 +22,8 @@ IN_VALUES: dict[str, dict[str, float]] = {
     "C": {"C": 1.0, "°C": 1.0},
     "1/K": {"1/K": 1.0, "%/K": 0.01, "ppm/K": 1e-6},
     "h": {"h": 1.0, "min": 1 / 60},
+    "K": {"K": 1.0},
+    "deg": {"deg": 1.0, "°": 1.0},
     "1": {"%": 0.01},
 }
 """Units that may be written, by the unit that magtip uses; each with its factor. Unit "1" is that of pure numbers."""

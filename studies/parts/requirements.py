@@ -46,6 +46,8 @@ LEAST_SLENDERNESS = 0.75
 
 SINGULAR = 1e-9
 """Least determinant of the slopes of the readings, over the lengths of its columns, that counts as not zero."""
+LEAST_CHIPS = 3
+"""Least number of 3-axis chips that tell an ambient field from a pose (`analytic.inverse.ambient_field`)."""
 MOST = 1.0
 """Largest margin: more than twice a bound is no better."""
 Figures = Mapping[str, Array]
@@ -114,6 +116,12 @@ def _of_decoding(of: Figures, needed: Requirements) -> Array:
     return np.asarray(np.minimum(of["decoding"] - SINGULAR, of["distinct"] - 1))
 
 
+def _of_ambient(of: Figures, needed: Requirements) -> Array:
+    # a turn by an angle changes a field by the chord
+    chord = 2 * np.sin(np.radians(needed.ambient_turn) / 2)
+    return np.asarray(of["ambient"] * needed.ambient_field * chord)
+
+
 def _key(default: Any, text: str, example: str = "", *, unit: str = "1", **more: Any) -> Any:
     """Return a field: its words, a value for the example, and maybe the unit `shown` and a `criterion`."""
     return field(default=default, metadata={"text": text, "example": example, "unit": unit, **more})
@@ -168,6 +176,21 @@ class Requirements:
     drift_per_K: float | None = _number(
         "1", 1e-7, 1.0, "change of the decoded forces per K, over full scale", '"2 %"', shown="percent",
         criterion=at_most("drift of the forces per K, of full scale", "drift"))
+    ambient_error: float | None = _number(
+        "N", 1e-9, 1e4, "error of the decoded force by a uniform field, after a turn", '"20 mN"', shown="mN",
+        criterion=at_most("error by a uniform field", _of_ambient))
+    ambient_field: float = _number(
+        "T", 0, 1e-2, "of ambient_error; default: that of the earth at most places", '"50 uT"', default=50e-6)
+    ambient_turn: float = _number(
+        "deg", 0, 180, "by which the sensor turns after taring; 60 for a field that comes after taring", '"180 deg"',
+        default=180.0)
+    reject_ambient: bool = _key(
+        False, "decode a uniform field along with the pose, where a sensor has three chips", "false")
+    temperature_error: float | None = _number(
+        "N", 1e-9, 1e4, "error of the decoded force by temperature_change, untared", '"1 N"', shown="mN",
+        criterion=at_most("error by the temperature",
+                          lambda of, needed: of["warming"] * needed.temperature_change))
+    temperature_change: float = _number("K", 0.01, 200, "of temperature_error", '"10 K"', default=10.0)
     hysteresis: float | None = _number(
         "1", 1e-4, 1.0, "gap of loading and unloading at mid-stroke, over full scale", '"10 %"', shown="percent",
         criterion=at_most("hysteresis of a press, of full scale", "hysteresis"))
@@ -364,7 +387,7 @@ class Requirements:
 FIELDS = dataclasses.fields(Requirements)
 LIMITS = {spec.name: spec for spec in FIELDS if "low" in spec.metadata}
 """Fields of `Requirements` with a number, a unit and a range, by name."""
-SWITCHES = tuple(spec for spec in FIELDS if spec.default is True)
+SWITCHES = tuple(spec for spec in FIELDS if isinstance(spec.default, bool))
 """Fields of `Requirements` that are required or not."""
 SHOWN = {spec.name: spec.metadata.get("shown", spec.metadata["unit"]) for spec in FIELDS}
 """Units in which values of the fields are shown."""
@@ -413,7 +436,13 @@ def design_table(needed: Requirements | None) -> str:
 
 def read_requirements(path: str) -> Requirements:
     """Read the requirements in a TOML file; catalogues are relative to the file's folder."""
-    return _of_values(path, path, checked(path, toml_table(path, "file"), KINDS))
+    needed = _of_values(path, path, checked(path, toml_table(path, "file"), KINDS))
+    if needed.reject_ambient and needed.chips < LEAST_CHIPS:
+        raise BadInput(
+            f"{path}: reject_ambient needs {LEAST_CHIPS} chips of three axes, and chips = {needed.chips} allows "
+            f"fewer: set chips = {LEAST_CHIPS}, or leave it out"
+        )
+    return needed
 
 
 def stated_requirements(source: str) -> Requirements | None:

@@ -13,7 +13,12 @@ stability, saturation and the source's range hold at the least E.
 
 Drift is what a change of the remanence B_r and of the gain does to the decoded forces, over full scale:
 |dF/dB . B| (|dB_r/dT| / B_r + |dgain/dT| / gain) per K, where B are the readings; the magnitudes add, because data
-sheets give bounds of both signs. Drifts of the null and of the modulus are not in it. Hysteresis is the gap of steady
+sheets give bounds of both signs. Drifts of the null and of the modulus are not in it. The error by a uniform field
+B_a is at most |B_a| times the largest singular value of dF/dB N, with the elements' directions N. Where it is
+rejected, sensors of nine readings or more decode it along with the pose (`analytic.inverse.ambient_field`): their
+readings and slopes count less what a uniform field explains. The error by the temperature is per K: that of drift,
+modulus (proportional to the absolute temperature) and the silicone below the magnet, which expands and lifts it;
+magnitudes add, and nulls and the base are not in it. Hysteresis is the gap of steady
 triangular presses at mid-stroke over the largest force: that of a linear viscoelastic spring with a small constant
 tan(delta), 8/pi^2 times Catalan's constant times tan(delta), times `PRESS_GAP`.
 """
@@ -28,9 +33,11 @@ from numpy.typing import NDArray
 
 from analytic.clearance import wall_distance
 from analytic.hall import rotated
+from analytic.inverse.ambient_field import FEWEST
 from analytic.inverse.forward_model import readings_of_sensors
 from geometry.arrays import Array, Ints
 from geometry.base import LEAST_GAP
+from geometry.design import KELVIN, REFERENCE_TEMPERATURE
 from geometry.fabrication.hall_elements import SS495A
 from studies.beam import surrogate_range
 from studies.beam.beam_curves import (
@@ -45,6 +52,7 @@ from studies.beam.beam_curves import (
 from studies.beam.beam_model import RatedBeams
 from studies.parts.catalogues import PRESS_GAP, SPRING_GAP
 from studies.parts.requirements import MOST, SINGULAR, Requirements
+from studies.sensing.disturbances import SILICONE_EXPANSION
 from studies.sizing.sensor_arrays import Sensors
 
 HALF_TURN, WHOLE_TURN = np.radians(45.0 * np.arange(1, -4, -1)), np.radians(45.0 * np.arange(8))
@@ -59,6 +67,8 @@ LEAST_ASKED = 0.02
 """Shallowest press over D under which finite elements are asked for shears: where the surrogate ends, they do not."""
 NEODYMIUM_DRIFT = (-1.2e-3, -0.9e-3)
 """Least and largest change of the remanence of NdFeB per K, relative: usual in tables of grades, assumed of all."""
+STIFFER = 1 / (KELVIN + REFERENCE_TEMPERATURE)
+"""Relative change of the modulus of a rubber per K (`geometry.design.modulus_at`)."""
 SCAN = np.array([0.4, 0.7, 1.0])
 """Shares of the range that stability allows at which the bounds are evaluated, before the crossing is refined."""
 REFINED = 3
@@ -76,7 +86,8 @@ class Performance:
         resolution_z, resolution_x, N; strain; critical, stable_to, over D; first_mode, Hz; saturation (least distance
         of a reading from its rail, over that in zero field); decoding (least determinant of the slopes over the
         lengths of its columns, negative if its sign changes); drift per K and
-        hysteresis, over full scale; distinct (least distance of the readings of two loads,
+        hysteresis, over full scale; ambient, N/T, and warming, N/K (errors of the force by a uniform field and by the
+        temperature); distinct (least distance of the readings of two loads,
         in standard deviations of their noise); clearance, outer_size, height, wall, mm; reach and reach_x (largest
         press and force along the plate that the source covers, over the required ones); bandwidth of readings, Hz;
         D and L, mm.
@@ -178,9 +189,12 @@ def _critical(beams: RatedBeams, caution: float) -> Array:
 FIGURES = (
     *("range_z", "range_x", "depth", "depth_stiff", "resolution_z", "resolution_x", "strain", "critical"),
     *("stable_to", "first_mode", "saturation", "decoding", "drift", "hysteresis", "distinct", "clearance"),
-    *("outer_size", "height", "wall", "reach", "reach_x", "bandwidth"),
+    *("outer_size", "height", "wall", "reach", "reach_x", "bandwidth", "ambient", "warming"),
 )
-WORST = ("strain", "resolution_z", "resolution_x", "saturation", "decoding", "drift", "distinct")
+WORST = (
+    *("strain", "resolution_z", "resolution_x", "saturation", "decoding", "drift", "distinct"),
+    *("ambient", "warming"),
+)
 """Figures of single poses."""
 
 
@@ -237,9 +251,9 @@ class _Rated:
         top = int(np.flatnonzero(self.loads[:, 1] == 0)[-1])
         soft, stiff = (state.depth[:, top] for state in states)
         values = {"depth": soft, "depth_stiff": stiff, "hysteresis": self._hysteresis(soft)}
-        field, slopes = self._readings(states)
+        field, slopes, lift = self._readings(states)
         found = {"strain": (self._at(states, "strain"), 1), "saturation": (self._saturation(field), -1)}
-        found |= self._resolutions(states, slopes, field)
+        found |= self._resolutions(states, slopes, field, lift)
         known = {}
         for name, (table, way) in found.items():
             values[name] = self._over_corners(table, way)
@@ -310,10 +324,11 @@ class _Rated:
         far = np.repeat(surrogate_range.farthest(self.sensors.beam[:, 0])[:, None], SHEARED_DEPTHS, axis=1)
         return with_shears(self.pressed, beams, np.minimum(low, high / 1.02), high, far, surrogate_range.SHEAR_NODES)
 
-    def _readings(self, states: Sequence[States], *, slopes: bool = True) -> tuple[Array, Array]:
+    def _readings(self, states: Sequence[States], *, slopes: bool = True) -> tuple[Array, Array, Array]:
         """Return the readings of the poses over the remanence, shape (n, p, 3), and their slopes.
 
-        The slopes along the depth, the shear and across it have the shape (n, p, 3, 3), in 1/mm.
+        The slopes along the depth, the shear and across it have the shape (n, p, 3, 3), in 1/mm, those by a lift of
+        the magnet (n, p, 3).
         """
         s, D = self.sensors, self.sensors.D[:, None]
         angle = np.tile(self.angle, len(states))
@@ -343,9 +358,9 @@ class _Rated:
         )
         field = np.where(np.isnan(shift[..., :1]), np.nan, field)
         if not slopes:
-            return field, by_shift
+            return field, by_shift, by_shift
         J = by_shift @ np.stack(moves, axis=-1) + by_turn @ np.stack(turns, axis=-1) / D[..., None, None]
-        return field, np.where(np.isnan(shift[..., :1, None]), np.nan, J)
+        return field, np.where(np.isnan(shift[..., :1, None]), np.nan, J), by_shift[..., 2]
 
     def _rails(self, field: Array, end: int) -> Array:
         """Return the distances of the outputs from their rails, over those in zero field."""
@@ -363,19 +378,24 @@ class _Rated:
         known = (frequency >= low) & (frequency <= high)
         return np.where(known, PRESS_GAP * SPRING_GAP * loss, np.nan)
 
-    def _resolutions(self, states: Sequence[States], slopes: Array, field: Array) -> dict[str, tuple[Array, int]]:
-        """Return standard deviations and drifts of the decoded forces, and scaled determinants, (n, p), and their
-        worse end.
+    def _resolutions(
+        self, states: Sequence[States], slopes: Array, field: Array, lift: Array
+    ) -> dict[str, tuple[Array, int]]:
+        """Return standard deviations and drifts of the decoded forces, errors by field and temperature where they are
+        required, and scaled determinants, (n, p), and their worse end.
 
         A saturated reading does not change: no force is decoded.
         """
         s = self.sensors
         J = np.where(self._rails(field, 0)[..., None] > 0, slopes, 0.0) * s.remanence[:, 0, None, None, None]
         B, noises = field * s.remanence[:, 0, None, None], s.noise[:, None]
+        lift, weight = lift * s.remanence[:, 0, None, None], np.ones_like(s.noise)[:, None]
         if J.shape[2] > 3:
             # least squares of readings with equal noise; the weight of an element that a sensor has not is 0
             weight = (s.noise[:, :1] / s.noise)[:, None]
-            J, B, noises = J * weight[..., None], B * weight, noises[..., :1]
+            J, B, lift, noises = J * weight[..., None], B * weight, lift * weight, noises[..., :1]
+            if self.needed.reject_ambient:
+                J = self._free() @ J
             across = np.swapaxes(J, 2, 3)
             inverse, square = adjugate(across @ J)
             inverse, det = inverse @ across, np.sqrt(np.maximum(square, 0.0))
@@ -394,33 +414,66 @@ class _Rated:
         of_drift = np.max([np.abs(end + s.drift) for end in NEODYMIUM_DRIFT], axis=0)[:, None]
         unknown, known = np.isnan(det), np.abs(scaled) > SINGULAR
 
-        def deviations(row: Sequence[Array], full_scale: Array) -> tuple[Array, Array]:
-            """Return the deviations of a force with these slopes along depth, shear and across, and its drifts."""
+        normals = s.normals[:, np.flatnonzero(np.diff(s.owners, prepend=-1))] * np.swapaxes(weight, 1, 2)
+
+        surroundings = self.needed.ambient_error is not None or self.needed.temperature_error is not None
+
+        def deviations(row: Sequence[Array]) -> list[Array]:
+            """Return the deviations of a force with these slopes along depth, shear and across, N, and its changes by
+            a share of the readings, N; where surroundings count by a lift of the magnet, N/mm, and by fields along x,
+            y and z, N/T, too; each (n, p)."""
             vector = np.stack(np.broadcast_arrays(*row), axis=-1)
             parts = (vector[..., None] * inverse).sum(axis=-2)
-            sizes = np.linalg.norm(parts * noises, axis=-1), np.abs((parts * B).sum(axis=-1))
+            sizes = [np.linalg.norm(parts * noises, axis=-1), np.abs((parts * B).sum(axis=-1))]
+            if surroundings:
+                by_field = (parts[..., None, :] @ normals[:, None])[..., 0, :]
+                sizes += [np.abs((parts * lift).sum(axis=-1)), *np.moveaxis(by_field, -1, 0)]
             with np.errstate(divide="ignore", invalid="ignore"):
-                noise, change = (
+                return [
                     np.where(unknown, np.nan, np.where(known, unit * size / np.abs(square), np.inf)) for size in sizes
-                )
-            return noise, change * of_drift / full_scale
+                ]
 
         angle = np.tile(self.angle, 2)
         cos, sin = np.cos(angle), np.sin(angle)
+        rows = (
+            [cos * by_depth[..., 3], cos * by_shear[..., 3], -sin * aside],
+            [sin * by_depth[..., 3], sin * by_shear[..., 3], cos * aside],
+            [by_depth[..., 4], by_shear[..., 4], 0 * aside],
+        )
+        noise, change, *more = (np.array(each) for each in zip(*map(deviations, rows), strict=True))
         force_x = np.nan if self.needed.force_x is None else self.needed.force_x
         full_z, full_x = (self.share * [self.needed.force_z, force_x]).T[..., None]
-        x, x_drift = deviations([cos * by_depth[..., 3], cos * by_shear[..., 3], -sin * aside], full_x)
-        y, y_drift = deviations([sin * by_depth[..., 3], sin * by_shear[..., 3], cos * aside], full_x)
-        z, drift = deviations([by_depth[..., 4], by_shear[..., 4], 0 * aside], full_z)
-        if self.needed.force_x is not None:
-            drift = np.maximum.reduce([x_drift, y_drift, drift])
-        found = {"resolution_z": (z, 1), "resolution_x": (np.maximum(x, y), 1), "decoding": (turned, -1)}
-        return {**found, "drift": (drift, 1)}
+        drift = change * of_drift / np.array([full_x, full_x, full_z])
+        drift = drift[2] if self.needed.force_x is None else np.maximum.reduce(drift)
+        found = {"resolution_z": (noise[2], 1), "resolution_x": (np.maximum(*noise[:2]), 1), "decoding": (turned, -1)}
+        found["drift"] = drift, 1
+        if self.needed.ambient_error is not None:
+            found["ambient"] = _largest_singular_value(np.stack(more[1:], axis=-1).transpose(1, 2, 0, 3)), 1
+        if self.needed.temperature_error is not None:
+            forces = [np.tile(each[:, self.load], 2) for each in self._forces(1.0)]
+            size = np.abs(np.array([cos * forces[1], sin * forces[1], forces[0]]))
+            rise = SILICONE_EXPANSION * (s.L - s.D / 2)[:, None]
+            found["warming"] = np.linalg.norm(change * of_drift + size * STIFFER + more[0] * rise, axis=0), 1
+        return found
+
+    def _free(self) -> Array:
+        """Return (n, 1, k, k) what takes off weighted readings what a uniform field explains; it changes nothing of
+        sensors of fewer than nine readings."""
+        s = self.sensors
+        weight = np.nan_to_num(s.noise[:, :1] / s.noise)
+        free = np.tile(np.eye(weight.shape[1]), (len(s), 1, 1))
+        rows = np.flatnonzero((weight > 0).sum(axis=1) >= FEWEST)
+        directions = s.normals[rows][:, np.flatnonzero(np.diff(s.owners, prepend=-1))] * weight[rows][..., None]
+        free[rows] -= directions @ np.linalg.pinv(directions)
+        return free[:, None]
 
     def _distinct(self, field: Array) -> tuple[Array, Ints]:
         """Return the least distance of the readings of two loads of one sensor, and one of the two poses."""
         s, p = self.sensors, len(self.load)
-        values = (field * (s.remanence[:, 0, None, None] / s.noise[:, None])).reshape(len(field), 2, p, -1)
+        values = field * (s.remanence[:, 0, None, None] / s.noise[:, None])
+        if self.needed.reject_ambient:
+            values = (self._free() @ values[..., None])[..., 0]
+        values = values.reshape(len(field), 2, p, -1)
         seen = np.arange(p)
         if s.mirrored:
             # the other half of the directions: x and y change places
@@ -533,7 +586,7 @@ class _Rated:
         slack = 1 - state.strain / (self.needed.largest_strain or np.inf)
         slack = slack.min(axis=1)
         if self.needed.no_saturation:
-            field, _ = self._readings([state], slopes=False)
+            field, _, _ = self._readings([state], slopes=False)
             slack = np.minimum(slack, self._saturation(field).min(axis=1))
         depth = state.depth.max(axis=1)
         return np.where(depth * self.needed.stability_margin <= self.stable * (1 + 1e-9), slack, np.nan), depth
@@ -561,6 +614,14 @@ class _Rated:
         shear = soft.shears_of(inside, np.repeat(force[:, None], SOLVED_DEPTHS, axis=1))
         most = surrogate_range.farthest(self.sensors.beam[:, 0])[:, None]
         return np.column_stack([press, low, high, np.fmax(np.fmin(DEEPER * shear, most), 0.01)])
+
+
+def _largest_singular_value(matrix: Array) -> Array:
+    """Return the largest singular values of matrices (..., 3, 3); NaN and infinite ones stay."""
+    known = np.asarray(np.isfinite(matrix).all(axis=(-2, -1)))
+    square = np.where(known[..., None, None], matrix, 0.0)
+    largest = np.sqrt(np.maximum(np.linalg.eigvalsh(square @ np.swapaxes(square, -1, -2))[..., -1], 0.0))
+    return np.where(known, largest, np.where(np.isnan(matrix).any(axis=(-2, -1)), np.nan, np.inf))
 
 
 def adjugate(matrix: Array) -> tuple[Array, Array]:
