@@ -220,40 +220,16 @@ def test_the_kicad_file_has_each_pad_at_its_place_and_net(boards):
 
 @pytest.mark.parametrize("name", ["paper", "four"])
 def test_the_schematic_has_the_nets_of_the_board(boards, name):
-    """Read by its lines: a pin of a symbol, placed on the sheet, ends in the label or cross at its place."""
-    from gerbonara.cad.kicad.sexp import parse_sexp
-
     made = boards[name]
-
-    def at(item):
-        x, y = items(item, "at")[0][1:3]
-        return round(x, 3), round(y, 3)
-
-    def items(parent, kind):
-        return [item for item in parent if isinstance(item, list) and item[0] == kind]
-
-    text = kicad_schematic.schematic(made, "a title")
-    read, drawn = parse_sexp(text), parse_sexp(board_files.kicad_board(made, "a title"))
-    pins = {
-        symbol[1]: [
-            (*at(pin), items(pin, "number")[0][1]) for unit in items(symbol, "symbol") for pin in items(unit, "pin")
-        ]
-        for symbol in items(items(read, "lib_symbols")[0], "symbol")
-    }
-    ends = {at(label): label[1] for label in items(read, "global_label")}
-    ends |= {at(cross): "" for cross in items(read, "no_connect")}
-    found = {}
-    for symbol in items(read, "symbol"):
-        name, (x, y) = items(symbol, "lib_id")[0][1], at(symbol)
-        found |= {
-            (name.split(":")[1], number): ends.pop((round(x + u, 3), round(y - v, 3))) for u, v, number in pins[name]
-        }
-    assert found == {(part.reference, pad.number): pad.net for part in made.parts for pad in part.pads}
-    assert ends == {}
-    paths = [items(footprint, "path")[0][1] for footprint in items(drawn, "footprint") if items(footprint, "path")]
+    text, drawn = kicad_schematic.schematic(made, "a title"), board_files.kicad_board(made, "a title")
+    assert board_check.nets_in(text) == board_check.nets_of(made)
+    for wrong in ('(global_label "VDD"', '(text "GND"'):
+        other = board_check.nets_in(text.replace('(global_label "GND"', wrong, 1))
+        assert len(other.items() ^ board_check.nets_of(made).items()) in (1, 2)
+    # footprints name the symbols
+    paths = re.findall(r'\(path "/([0-9a-f-]+)"\)', drawn)
     assert len(paths) == len(made.parts)
-    # the reader takes the first digits of an identity for a number
-    assert re.findall(r"\(on_board yes\)\s+\(uuid ([0-9a-f-]+)\)", text) == [path[1:] for path in paths]
+    assert re.findall(r"\(on_board yes\)\s+\(uuid ([0-9a-f-]+)\)", text) == paths
 
 
 def test_bill_and_places_name_each_part_once(boards):

@@ -2,7 +2,8 @@
 
 KiCad runs in the Python of the system, which has its module pcbnew; Gerber and drill files of both are read by
 gerbonara. Pads, vias, tracks, silkscreen and outline must be the same shapes at the same places; the ground has an
-area within a few per cent, for each program rounds its corners in another way.
+area within a few per cent, for each program rounds its corners in another way. The schematic must have the nets of
+the board; it is read by the places of its pins and labels.
 """
 
 import io
@@ -27,6 +28,7 @@ from geometry.fabrication.hall_elements import SS495A
 from geometry.messages import Progress
 from studies.fabrication import board_files, circuit_board
 from studies.fabrication.board_layers import Board
+from studies.fabrication.kicad_schematic import schematic
 from studies.output.goals import Goal
 from studies.output.result import Result
 from studies.validation import pages
@@ -60,6 +62,9 @@ def run(progress: Progress, *, quick: bool = False) -> Result:
         Goal("shapes that only one of two Gerber files has", sum(row["other_shapes"] for row in rows), 0, count),
         Goal("drilled holes that only one of two files has", sum(row["other_holes"] for row in rows), 0, count),
         Goal("largest distance of a Hall part from its place", max(row["off_um"] for row in rows), 1, count, "um"),
+        Goal(
+            "pins of the schematic on another net than on the board", sum(row["other_nets"] for row in rows), 0, count
+        ),
         Goal(
             "largest difference of the ground's area",
             max(row["area_off_percent"] for row in rows),
@@ -110,10 +115,51 @@ def checked(case: dict[str, Any], python: str) -> Row:
         "refilled_findings": len(found["refilled"]),
         "other_shapes": shapes,
         "other_holes": holes,
+        "other_nets": len(nets_of(made).items() ^ nets_in(schematic(made, case["name"])).items()),
         "off_um": 1e3 * max(off(design, plan, made, found["places"])),
         "area_off_percent": 100 * max(abs(ours / theirs - 1) for ours, theirs in areas),
         "said": "; ".join(sorted({*found["loaded"], *found["refilled"]})),
     }
+
+
+def nets_of(made: Board) -> dict[tuple[str, str], str]:
+    """Return the net of each pin of a board by the name of its part and its number, "" for an open one."""
+    return {(part.reference, pad.number): pad.net for part in made.parts for pad in part.pads}
+
+
+def nets_in(text: str) -> dict[tuple[str, str], str]:
+    """Return the same of a schematic, read by its places: a pin of a symbol on the sheet ends in a label or a cross.
+
+    A pin without either is left out, and a label without a pin has the name of its net alone.
+    """
+    from gerbonara.cad.kicad.sexp import parse_sexp
+
+    def items(parent: Any, kind: str) -> list[Any]:
+        return [item for item in parent if isinstance(item, list) and item[0] == kind]
+
+    def place(item: Any) -> tuple[float, float]:
+        x, y = items(item, "at")[0][1:3]
+        return round(x, 3), round(y, 3)
+
+    read = parse_sexp(text)
+    pins = {
+        symbol[1]: [
+            (*place(pin), items(pin, "number")[0][1])
+            for unit in items(symbol, "symbol")
+            for pin in items(unit, "pin")
+        ]
+        for symbol in items(items(read, "lib_symbols")[0], "symbol")
+    }
+    ends = {place(label): label[1] for label in items(read, "global_label")}
+    ends |= {place(cross): "" for cross in items(read, "no_connect")}
+    found = {}
+    for symbol in items(read, "symbol"):
+        name, (x, y) = items(symbol, "lib_id")[0][1], place(symbol)
+        for u, v, number in pins[name]:
+            # y of a symbol points upwards, that of the sheet downwards
+            if (end := (round(x + u, 3), round(y - v, 3))) in ends:
+                found[name.split(":")[1], number] = ends.pop(end)
+    return found | {("", net): net for net in ends.values()}
 
 
 def off(design: Design, plan: Plan, made: Board, places: dict[str, list[float]]) -> Iterator[float]:
