@@ -160,7 +160,7 @@ def test_a_state_that_was_changed_in_the_file_is_listed_without_its_answer_and_n
 
 
 def test_lists_find_states_by_an_index_that_covers_what_they_need(file):
-    """100 000 states are listed in under a second only if answers of most of them are not read."""
+    """Answers are most of what a store holds: those of states that are not shown are not read."""
     with store_actions.reading(file) as connection:
         statements = []
         connection.set_trace_callback(statements.append)

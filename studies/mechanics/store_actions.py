@@ -99,7 +99,7 @@ LONGEST = 6
 DAMAGED = "damaged"
 """Status of a state that is not as it was written, and model of a path whose content is no JSON."""
 BATCH = 5_000
-"""States whose answers are held at once, beside the columns made of them."""
+"""Contents or answers that are held at once, beside the columns made of them."""
 
 
 # The table
@@ -131,9 +131,13 @@ def paths(connection: sqlite3.Connection) -> pd.DataFrame:
     """Return the columns of the contents of all paths, by the numbers of the paths."""
     import pandas as pd
 
-    rows = connection.execute("SELECT id, CAST(content AS BLOB) FROM path").fetchall()
+    rows = connection.execute("SELECT id, CAST(content AS BLOB) FROM path")
     places = [place for place in NAMES if place.startswith(OF_CONTENT)]
-    return _values([_content(text) for _, text in rows], pd.Index([path for path, _ in rows], name="path"), places)
+    blocks = [_values([], pd.Index([], dtype=int, name="path"), places)]
+    while block := rows.fetchmany(BATCH):
+        numbers = pd.Index([path for path, _ in block], name="path")
+        blocks.append(_values([_content(text) for _, text in block], numbers, places))
+    return pd.concat(blocks)
 
 
 def _content(text: bytes) -> dict[str, Any]:
