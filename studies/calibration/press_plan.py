@@ -155,28 +155,6 @@ class Plan:
         return [{name.removeprefix(PLANNED): v for name, v in row.items() if v is not None} for row in self.rows()]
 
 
-def sensor_of(
-    design: Design,
-    made: Tolerances,
-    *,
-    responses: Path | None = None,
-    force_noise: float = 1.0,
-    solves: Mapping[str, Any] = {},
-) -> tuple[Sensor, str]:
-    """Return a design on a test stand with priors from tolerances, and where its mechanics come from.
-
-    force_noise : standard deviation of a measured force, N.
-    responses, solves : see `calibration_study.mechanics_of`.
-    """
-    import pandas as pd
-
-    law, source, error = calibration_study.mechanics_of(design, responses, solves)
-    noise, _ = calibration_study.noise_of(design)
-    empty = Bench(pd.DataFrame({"run": []}), tuple(parts.columns(parts.of_design(design))), [])
-    un = sensor_fit.unknowns_of(design, empty, made, model_error=error)
-    return Sensor(design, law, un, noise, force_noise), source
-
-
 def plan(
     design: Design,
     made: Tolerances,
@@ -201,17 +179,23 @@ def plan(
     BadInput, SolveFailed
         The design has no magnet, finite elements know too few of its states, or its loads are beyond them.
     """
+    import pandas as pd
+
     if not design.shape.has_magnet:
         raise BadInput("this design has no magnet (magnet_diameter is 0), so no bench of it has readings")
-    sensor, source = sensor_of(design, made, responses=responses, solves=solves)
+    law, source, error = calibration_study.mechanics_of(design, responses, solves)
+    noise, _ = calibration_study.noise_of(design)
+    empty = Bench(pd.DataFrame({"run": []}), tuple(parts.columns(parts.of_design(design))), [])
+    un = sensor_fit.unknowns_of(design, empty, made, model_error=error)
+    sensor = Sensor(design, law, un, noise, 1.0)
     words = "the table [requirements] of the design"
     if needed is None:
         needed, words = usual_loads(sensor)
     sensor = dataclasses.replace(sensor, force_noise=force_noise or ASSUMED_NOISE * needed.force_z)
-    return plan_of(sensor, needed, count=count, sources=(words, source))
+    return _plan_of(sensor, needed, count=count, sources=(words, source))
 
 
-def plan_of(
+def _plan_of(
     sensor: Sensor, needed: Requirements, *, count: int = PRESSES, sources: tuple[str, str] = ("", "")
 ) -> Plan:
     """Return the presses that tell most about a sensor, within the loads of requirements; see `plan`."""

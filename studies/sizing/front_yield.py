@@ -30,8 +30,7 @@ from geometry.bad_input import SolveFailed
 from geometry.design import BadInput, Design
 from geometry.loads import ANSWERED, Load
 from studies.calibration import calibrated_forces, press_plan
-from studies.calibration.regression_study import ASSUMED_NOISE
-from studies.calibration.sensor_fit import Fit, Sensor
+from studies.calibration.sensor_fit import Fit
 from studies.output import page_templates
 from studies.output.records import FlatRow
 from studies.parts.part_tolerances import Parts, tolerances_of, values_at
@@ -376,7 +375,8 @@ def after_presses(
     unknown = np.full(count, np.nan)
     try:
         if calibration is None:
-            plan = press_plan.plan_of(stand(variant, requirements, solves), requirements)
+            made = tolerances_of(variant.design, parts_of_variant(variant, requirements.process))
+            plan = press_plan.plan(variant.design, made, requirements, solves=solves)
             found, reached, lost = plan.after, plan.reached, plan.lost > 0
         else:
             found, loads = calibration, press_plan.loads_of(requirements)
@@ -386,13 +386,6 @@ def after_presses(
         return unknown
     # the errors of a load whose pose is unknown may be the largest
     return unknown if lost else press_plan.largest_errors(found, reached, requirements, count, seed)
-
-
-def stand(variant: Variant, requirements: Requirements, solves: Mapping[str, Any]) -> Sensor:
-    """Return a variant on a test stand, with priors from the ranges and tolerances of the catalogue."""
-    made = tolerances_of(variant.design, parts_of_variant(variant, requirements.process))
-    noise = ASSUMED_NOISE * requirements.force_z
-    return press_plan.sensor_of(variant.design, made, force_noise=noise, solves=solves)[0]
 
 
 def check_of(sensors: MadeSensors, load: Press, count: int, *, model: str = "fem", **solves: Any) -> pd.DataFrame:
