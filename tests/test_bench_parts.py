@@ -17,8 +17,8 @@ from geometry.mold import Mold, sizes
 
 @pytest.mark.parametrize(
     ("design", "mold"),
-    [(paper(), Mold()), (paper(), Mold(columns=3, split=1)), (preset("foot"), Mold(process="sla"))],
-    ids=["paper", "split", "foot"],
+    [(paper(), Mold(columns=2, split=1)), (preset("foot"), Mold(process="sla"))],
+    ids=["split", "foot"],
 )
 def test_a_mould_stands_on_three_pads_in_a_tray_for_all_its_silicone(design, mold):
     s = sizes(design, mold)
@@ -39,6 +39,7 @@ def test_a_stand_without_room_or_under_a_higher_mould_is_noticed():
     s = sizes(paper(), Mold())
     stand, (_, B) = bench_parts.stand(s), closed_mold(paper(), Mold())
     solid = bench_parts.stand_solid(s, stand)
+    assert all(check.passed for check in bench_parts.stand_checks(s, stand, solid, B))
     lifted = moved(B, (0.0, 0.0, 0.5))
     assert [check.passed for check in bench_parts.stand_checks(s, stand, solid, lifted)] == [True, False, True]
     flat = dataclasses.replace(stand, rim=0.3)
