@@ -15,9 +15,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from geometry.array_design import ArrayDesign
 from geometry.arrays import Array, Point, Vector
 from geometry.bad_input import check_ranges, nearest, quantity
-from geometry.cad import beam, cut, overlap, turned
+from geometry.cad import beam, cut, moved, overlap, turned
 from geometry.design import BadInput, Design
 from geometry.fabrication import breakout_boards, engraved_marks, hall_elements
 from geometry.fabrication.hall_elements import CLOSE, SS495A, WEB, Block, Seats, heights, places
@@ -320,6 +321,56 @@ def base(design: Design, choices: Base, process: str = "fdm") -> Solid:
     if p.screw > 0:
         tools += [bd.Solid.make_cylinder(p.screw / 2, height, bd.Plane((x, y, -p.thickness))) for x, y in p.screws]
     return cut(plate, *tools)
+
+
+def array_base(array: ArrayDesign, choices: Base, process: str = "fdm") -> Solid:
+    """Return one plate for the beams of an array, in their frame, mm: pockets at their places, screws at its corners.
+
+    Raises
+    ------
+    BadInput
+        The base of one beam cannot be, or needs its own edge, or too little is left between those of neighbours.
+    """
+    import build123d as bd
+
+    design, p = array.design, plan(array.design, choices, process)
+    if design.hall_layout == "three" or choices.breakout:
+        raise BadInput(
+            "a base for an array is made for chips: leads of one-axis elements run to the edge of a base of their "
+            "own, and breakout boards are wider than a pitch; set hall_layout to a chip, or make a base for each beam"
+        )
+    gap = min(_gaps(array, p))
+    if not gap >= WEB - CLOSE:
+        raise BadInput(
+            f"pockets and recesses of neighbours leave {gap:.3g} mm of the base between them, and {WEB:g} mm are "
+            f"needed: take a pitch of {array.pitch + WEB - gap:.4g} mm or more"
+        )
+    (west, south), (east, north) = array.places.min(axis=0).tolist(), array.places.max(axis=0).tolist()
+    height, low = p.thickness + p.recess, -p.thickness
+    sides = east - west + 2 * p.half, north - south + 2 * p.half, height
+    plate = Block((west - p.half, south - p.half, low), sides).solid()
+    pockets = [seat.solid() for seat in p.seats.bodies.values()] + [_mouth(seat) for seat in p.seats.bodies.values()]
+    if p.recess > 0:
+        pockets.append(turned([(0, 0, 0), (p.recess_radius, 0, 0), (p.recess_radius, p.recess, 0), (0, p.recess, 0)]))
+    tools = [moved(pocket, (x, y, 0.0)) for x, y in array.places.tolist() for pocket in pockets]
+    for x, y in p.screws:
+        at = (east if x > 0 else west) + x, (north if y > 0 else south) + y, low
+        tools.append(bd.Solid.make_cylinder(p.screw / 2, height, bd.Plane(at)))
+    return cut(plate, *tools)
+
+
+def _gaps(array: ArrayDesign, p: Plan) -> list[float]:
+    """Return what is left between recesses, and between pockets, of any two beams, mm."""
+    found = [array.pitch - 2 * p.recess_radius if p.recess else math.inf]
+    low, sides = (
+        np.array([getattr(seat, name)[:2] for seat in p.seats.bodies.values()]) for name in ("corner", "sides")
+    )
+    for first, second in itertools.combinations(array.places, 2):
+        # from the far side of one pocket to the near side of the other, along x and y
+        ahead = (second + low)[None] - (first + low + sides)[:, None]
+        behind = (first + low)[:, None] - (second + low + sides)[None]
+        found.append(float(np.maximum(ahead, behind).max(axis=2).min()))
+    return found
 
 
 def _mouth(seat: Block) -> Solid:

@@ -4,11 +4,13 @@ import math
 import re
 
 import build123d as bd
+import numpy as np
 import pytest
 
 from analytic.parts import of_design
 from geometry import cad
-from geometry.base import EDGE, Base, base, checks, outer_size, plan, warnings
+from geometry.array_design import ArrayDesign, grid_array
+from geometry.base import EDGE, Base, array_base, base, checks, outer_size, plan, warnings
 from geometry.cad import overlap
 from geometry.design import BadInput, Design
 from geometry.fabrication import breakout_boards, solid_files
@@ -16,6 +18,36 @@ from geometry.fabrication.engraved_marks import DEPTH
 from geometry.fabrication.hall_elements import Block, bodies, places
 from geometry.fabrication.mold_solids import printable
 from geometry.fabrication.printability import PROCESSES, standing
+
+CHIP = Design(hall_layout="tle493d-w2b6", l0=8.0)
+
+
+def test_one_base_holds_the_chips_of_an_array_at_their_places():
+    array = ArrayDesign(CHIP, np.array([[0.0, 0.0], [12.0, 0.0], [6.0, 11.0]]), np.ones(3))
+    solid, parts = array_base(array, Base(screw=2.2)), bodies(CHIP)
+    single = plan(CHIP, Base(screw=2.2))
+    assert solid.is_valid
+    box = solid.bounding_box(optimal=False)
+    long, wide = box.max.X - box.min.X, box.max.Y - box.min.Y
+    assert [long, wide] == pytest.approx([12 + 2 * single.half, 11 + 2 * single.half])
+    disc = cad.turned([(0, -0.05, 0), (CHIP.R, -0.05, 0), (CHIP.R, 0, 0), (0, 0, 0)])
+    for x, y in array.places.tolist():
+        assert max(overlap(solid, cad.moved(body, (x, y, 0.0))) for body in parts.values()) < 1e-9
+        assert overlap(solid, cad.moved(disc, (x, y, 0.0))) == pytest.approx(disc.volume, rel=1e-9)
+    # three pockets of equal volume, four screws
+    pocket, hole = sum(math.prod(seat.sides) for seat in single.seats.bodies.values()), math.pi * 1.1**2
+    left = (long * wide - 4 * hole) * single.thickness - 3 * pocket
+    assert solid.volume == pytest.approx(left, rel=2e-3)
+    printed = printable("base", solid_files.triangulated(standing(solid)), PROCESSES["fdm"])
+    assert [check.name for check in printed if not check.passed] == []
+
+
+def test_a_base_of_an_array_needs_chips_and_room_between_them():
+    with pytest.raises(BadInput, match="a base for an array is made for chips"):
+        array_base(grid_array(Design(), 1, 2, 20.0), Base())
+    with pytest.raises(BadInput, match="take a pitch of"):
+        array_base(grid_array(CHIP, 1, 2, 8.5), Base(shape="round"))
+
 
 BARE = {"magnet_diameter": 0, "magnet_height": 0, "magnet_edge_radius": 0}
 DESIGNS = [

@@ -57,12 +57,14 @@ def cad(call: Call, *, out: Path, fabrication: Fabrication = Fabrication()) -> i
     """
     from studies.fabrication import design_variants, sensor_parts, sensor_solids
     from studies.parts import catalogues, requirements
+    from studies.sensing import array_readings
 
     design = call.design()
     atomic_files.check_apart(atomic_files.inside(out, sensor_parts.names()), [call.source])
     mix = catalogues.mix_named(fabrication.silicone, design.silicone)
     needed, given = requirements.stated_requirements(call.source), user_input.fabrication_of(call.source)
     choices = sensor_solids.parse_fabrication_choices(fabrication, mix, given, needed.rated if needed else None)
+    choices = dataclasses.replace(choices, array=array_readings.stated_array(call.source, design))
     axes = design_variants.axes_of(fabrication.axis or [])
     for name, reason in design_variants.idle(design, axes):
         say_no_effect(f"axis {name}", reason)

@@ -312,6 +312,11 @@ def text(
         room=loaded_clearance.room(gap),
         breakout=choices.base.breakout,
         size=size_sentence(fabricated),
+        array=choices.array,
+        array_base=any(part["name"] == "array_base" for part in fabricated["parts"]),
+        reversed_beams=[
+            k for k, pole in enumerate(choices.array.poles.tolist() if choices.array else [], 1) if pole < 0
+        ],
         pictures=pictures,
         command=command,
         cavities=mold.columns * mold.rows,

@@ -42,6 +42,7 @@ PRINTED = (
     "jig_gauge",
     "stand",
     "fixture",
+    "array_base",
 )
 
 

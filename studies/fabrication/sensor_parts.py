@@ -270,8 +270,7 @@ def warnings(design: Design, choices: FabricationChoices, solids: FabricatedSoli
             + ("hold each down by its plunger" if solids.jig else "glue them in one after another, held down")
             + " until the glue has cured (see the recipe)"
         )
-    if solids.no_jig:
-        too_fine.append(solids.no_jig)
+    too_fine += filter(None, (solids.no_jig, solids.no_array))
     if (mix := choices.silicone) and not mix["moduli"][0] <= design.E <= mix["moduli"][1]:
         low, high = mix["moduli"]
         too_fine.append(

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from geometry.array_design import ArrayDesign
 from geometry.arrays import Vector
 from geometry.base import SHAPES, Base, Plan
 from geometry.design import BadInput, Design
@@ -35,6 +36,7 @@ COLOURS = {
     "jig_gauge": "khaki",
     "stand": "thistle",
     "fixture": "lightsalmon",
+    "array_base": "lightsteelblue",
 }
 """Colours of the parts in STEP and 3MF files and in the picture; Hall elements have `HALL_ELEMENT_COLOUR`."""
 
@@ -54,6 +56,7 @@ class FabricationChoices:
     tolerance : largest distance of the facets from the surface, mm; None: D/2000.
     silicone : what the recipe says of the mix and the cure; None: that the data sheet tells.
     rated : required press force and force along the plate, N; None: none are stated.
+    array : for which one base is made, too; None: a single sensor.
     """
 
     mold: Mold = field(default_factory=Mold)
@@ -61,6 +64,7 @@ class FabricationChoices:
     tolerance: float | None = None
     silicone: Mix | None = None
     rated: tuple[float, float] | None = None
+    array: ArrayDesign | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +78,8 @@ class FabricatedSolids:
     plan : plan of the base; None if the elements do not fit into the base, and then `missing` gives the reason.
     mold : mold_a, and mold_b or its halves mold_b1 and mold_b2, closed, in the mould's frame.
     A, B : upper and lower part of the mould; B is not split.
-    bench : stand, under B in the mould's frame, and fixture, under the base in the sensor's.
+    bench : stand, under B in the mould's frame, and fixture, under the base in the sensor's; array_base, of an array,
+        in the frame of that, and without one that was wanted `no_array` gives the reason.
     jig : jig (part C), jig_plunger and jig_bar in the mould's frame, the plunger on the axis, and jig_gauge as it is
         printed; empty without a jig, and then `no_jig` gives the reason if one was wanted.
     """
@@ -89,6 +94,7 @@ class FabricatedSolids:
     jig: dict[str, Solid]
     no_jig: str
     bench: dict[str, Solid]
+    no_array: str = ""
 
 
 def parse_fabrication_choices(
@@ -149,7 +155,15 @@ def make_solids(design: Design, choices: FabricationChoices) -> FabricatedSolids
     lengths, no_jig = magnet_jig.planned(design, choices.mold)
     jig = magnet_jig.solids(design, choices.mold, lengths) if lengths else {}
     bench = bench_parts.solids(mold.sizes(design, choices.mold), plan, choices.mold, choices.base.cell)
-    return FabricatedSolids(sensor, bodies, plan, missing, {"mold_a": A, **halves}, A, B, jig, no_jig, bench)
+    no_array = ""
+    if choices.array is not None and plan:
+        try:
+            bench["array_base"] = base.array_base(choices.array, choices.base, choices.mold.process)
+        except BadInput as error:
+            no_array = f"no base for the whole array: {error}"
+    return FabricatedSolids(
+        sensor, bodies, plan, missing, {"mold_a": A, **halves}, A, B, jig, no_jig, bench, no_array
+    )
 
 
 def coloured_parts(solids: FabricatedSolids) -> dict[str, tuple[Solid, str]]:

@@ -175,7 +175,7 @@ def _base_warning(design: Design, pitch: float) -> list[str]:
     if pitch >= width:
         return []
     said = f"single bases are {width:.3g} mm wide: at a pitch of {pitch:g} mm the beams need one base in common"
-    return [f"{said}, which magtip cad does not make"]
+    return [f"{said}, which magtip cad makes for chips from a design file with [array]"]
 
 
 def cost_in_words(record: dict[str, Any]) -> str:
