@@ -12,7 +12,17 @@ from cyclopts import Parameter
 from geometry.design import BadInput
 from studies.cli.parameters import Call, verb
 from studies.inputs import option_groups
-from studies.inputs.option_groups import Basis, Calibration, LayoutParts, Pose, SourceOfLoad, TiltSource
+from studies.inputs.option_groups import (
+    Basis,
+    Calibration,
+    Depth,
+    LayoutParts,
+    Pose,
+    Shear,
+    ShearY,
+    SourceOfLoad,
+    TiltSource,
+)
 from studies.inputs.user_input import say_no_effect
 from studies.output import atomic_files, console
 from studies.output.result import GOOD, Destination, Result, of_record, publish, show
@@ -60,11 +70,13 @@ def readings(
     responses: Path | None = None,
     calibration: Calibration | None = None,
     beam: int | None = None,
-    depth: float = 0.0,
-    shear: float = 0.0,
-    shear_y: float = 0.0,
+    depth: Depth = 0.0,
+    shear: Shear = 0.0,
+    shear_y: ShearY = 0.0,
 ) -> int:
     """Compute what the Hall elements read after the magnet has moved; check saturation and clearance.
+
+    With --calibration, whose mechanics give the pose, --depth and --shear may stand in place of --shift and --tilt.
 
     Parameters
     ----------
@@ -73,13 +85,6 @@ def readings(
         and --tilt; each state gives a row of readings.
     beam
         Of an array: the beam whose magnet has this pose, counted from 1, the others at rest; default: all of them.
-    depth
-        Travel of the plate after first touch, mm, in place of --shift and --tilt; with --calibration, whose
-        mechanics give the pose.
-    shear
-        Displacement of the plate along x after that, mm.
-    shear_y
-        The same along y, mm.
     """
     from studies.sensing import array_readings, field_readings
 
