@@ -1,8 +1,9 @@
 """Arrays of beams: fields and forces of neighbours in closed form, joint decoding, and the verb."""
 
+import contextlib
+import io
 import json
 from dataclasses import replace
-from functools import partial
 
 import magpylib
 import numpy as np
@@ -18,10 +19,8 @@ from analytic.inverse.forward_model import model, readings_with_slopes
 from analytic.magnet import repulsion
 from geometry.array_design import POLARITIES, ArrayDesign, poles_of
 from geometry.design import BadInput, paper
-from studies.inputs.option_groups import Arraying, SourceOfLoad
+from studies.cli import main
 from studies.sensing import crosstalk
-from studies.sensing.array_readings import Grid
-from studies.simulation.mechanics_sources import source_of
 
 DESIGN = paper()
 STILL = model(DESIGN)
@@ -199,33 +198,46 @@ def test_an_element_inside_a_neighbour_is_named():
 
 
 @pytest.fixture(scope="module")
-def found():
-    """The study of two beams, 12 mm apart."""
-    mechanics = partial(source_of, DESIGN, SourceOfLoad(level="finite"))
-    return crosstalk.run(DESIGN, mechanics, Grid(1, 2, 12.0), Arraying(), None, lambda share, text: None)
+def study(tmp_path_factory):
+    """The verb's study of two beams, 12 mm apart, by a design file and options above it: record and folder."""
+    path, out = tmp_path_factory.mktemp("array") / "pads.toml", io.StringIO()
+    path.write_text('[array]\nrows = 1\ncolumns = 3\npitch = "12 mm"\npolarity = ["up", "down", "up"]\n', "utf-8")
+    words = [str(path), "--columns", "2", "--polarity", "up,down", "--level", "finite", "--out", str(path.parent)]
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(io.StringIO()):
+        assert main(["array", *words, "--json"]) == 0
+    return json.loads(out.getvalue()), path.parent
 
 
-def test_errors_by_decoder(found):
-    (record,) = found.records
+@pytest.fixture(scope="module")
+def record(study):
+    return study[0]
+
+
+@pytest.fixture(scope="module")
+def pitches(study):
+    return pd.read_csv(study[1] / "pitches.csv").to_dict("records")
+
+
+def test_errors_by_decoder(record):
     assert record["jointly_N"] < 1e-9 < record["subtracting_N"] < record["ignoring_N"]
     assert record["jointly_no_force_percent"] == 0
 
 
-def test_two_beams_in_a_row_are_alike_by_either_of_the_polarities_that_reverse_none(found):
-    errors = {row["polarity"]: row["ignoring_N"] for row in found.tables["pitches"] if row["pitch_mm"] == 12.0}
+def test_two_beams_in_a_row_are_alike_by_either_of_the_polarities_that_reverse_none(pitches):
+    errors = {row["polarity"]: row["ignoring_N"] for row in pitches if row["pitch_mm"] == 12.0}
     assert errors["up"] == errors["rows"] != errors["checkerboard"]
 
 
-def test_powers_far_away(found):
-    for law in found.records[0]["laws"]:
+def test_powers_far_away(record):
+    for law in record["laws"]:
         assert law["field_power"] == pytest.approx(3, abs=0.05)
         assert law["by_shift_power"] == pytest.approx(4, abs=0.2)
         assert 3 < law["error_power"] < 4.2
 
 
-def test_the_smallest_pitch_has_the_error_that_is_asked_for(found):
-    smallest = next(each for each in found.records[0]["smallest_pitch"] if each["decoder"] == "neighbours ignored")
-    pitches = [row for row in found.tables["pitches"] if row["polarity"] == smallest["polarity"]]
+def test_the_smallest_pitch_has_the_error_that_is_asked_for(record, pitches):
+    smallest = next(each for each in record["smallest_pitch"] if each["decoder"] == "neighbours ignored")
+    pitches = [row for row in pitches if row["polarity"] == smallest["polarity"]]
     near, far = (
         max((row for row in pitches if row["pitch_mm"] < smallest["smallest_pitch_mm"]), key=lambda r: r["pitch_mm"]),
         min((row for row in pitches if row["pitch_mm"] > smallest["smallest_pitch_mm"]), key=lambda r: r["pitch_mm"]),
@@ -233,25 +245,20 @@ def test_the_smallest_pitch_has_the_error_that_is_asked_for(found):
     assert far["ignoring_percent"] < 1.0 < near["ignoring_percent"]
 
 
-def test_the_matrix_has_a_row_for_each_reading_and_beam(found):
-    assert len(found.tables["crosstalk"]) == 2 * 3 * 2
-    assert found.records[0]["cross_talk"][0]["decoded_percent"] == pytest.approx(100, rel=1e-9)
+def test_the_matrix_has_a_row_for_each_reading_and_beam(study):
+    assert len(pd.read_csv(study[1] / "crosstalk.csv")) == 2 * 3 * 2
+    assert study[0]["cross_talk"][0]["decoded_percent"] == pytest.approx(100, rel=1e-9)
 
 
-def test_the_nearest_neighbours_are_all_of_two_beams(found):
-    assert all(row["error_N"] < 1e-9 for row in found.records[0]["sparse"])
+def test_the_nearest_neighbours_are_all_of_two_beams(record):
+    assert all(row["error_N"] < 1e-9 for row in record["sparse"])
 
 
-def test_a_design_file_states_its_array(run, tmp_path):
-    path = tmp_path / "pads.toml"
-    path.write_text('[array]\nrows = 1\ncolumns = 3\npitch = "14 mm"\npolarity = ["up", "down", "up"]\n', "utf-8")
-    words = ("array", path, "--columns", "2", "--polarity", "up,down", "--level", "finite", "--out", tmp_path / "out")
-    status, out, err = run(*words, "--json")
-    assert status == 0, err
-    record = json.loads(out)
-    assert [record[name] for name in ("rows", "columns", "pitch_mm", "polarity")] == [1, 2, 14.0, "up,down"]
-    assert {path.name for path in (tmp_path / "out").iterdir()} >= set(crosstalk.FILES)
-    assert (tmp_path / "out" / "ARRAY.md").read_text("utf-8").startswith("# How the beams of an array")
+def test_a_design_file_states_its_array_and_options_stand_above_it(study):
+    record, folder = study
+    assert [record[name] for name in ("rows", "columns", "pitch_mm", "polarity")] == [1, 2, 12.0, "up,down"]
+    assert {path.name for path in folder.iterdir()} >= set(crosstalk.FILES)
+    assert (folder / "ARRAY.md").read_text("utf-8").startswith("# How the beams of an array")
 
 
 REFUSALS = {
@@ -391,7 +398,10 @@ def test_arrays_that_cannot_be(run, tmp_path, table):
         ("readings pads.toml --beam 5", "--beam must lie between 1 and 4; got 5"),
         ("readings paper --beam 1", "--beam works with the table [array] of a design file: leave it out"),
         ("readings pads.toml --depth 1", "the readings of an array take --shift, --tilt and --beam"),
-        ("decode pads.toml --readings 1,2,3", "--readings takes 12 numbers, S1,S2,S3 of each of 4 beams; got 3"),
+        (
+            "decode pads.toml --readings 1,2,3 --level paper",
+            "--readings takes 12 numbers, S1,S2,S3 of each of 4",
+        ),
         ("decode pads.toml --calibration c.json --readings 1,2,3", "--calibration is of one sensor"),
         ("decode pads.toml --readings 1,2,3 --units T", "an array is decoded in the elements' unit"),
         ("stream pads.toml --port rows.csv --calibration c.json", "--calibration is of one sensor"),
