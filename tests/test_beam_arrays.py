@@ -404,6 +404,7 @@ def test_arrays_that_cannot_be(run, tmp_path, table):
         ),
         ("decode pads.toml --calibration c.json --readings 1,2,3", "--calibration is of one sensor"),
         ("decode pads.toml --readings 1,2,3 --units T", "an array is decoded in the elements' unit"),
+        ("firmware pads.toml --out o --ros2", "--ros2 writes a node for one sensor: leave it out"),
         ("stream pads.toml --port rows.csv --calibration c.json", "--calibration is of one sensor"),
         ("decode pads.toml --readings 1,2,3 --reject-ambient", "take three chips of three axes or more"),
     ],

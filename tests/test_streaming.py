@@ -35,7 +35,7 @@ from studies.cli import commands
 from studies.inputs.option_groups import SourceOfLoad
 from studies.sensing import decode_readings
 from studies.simulation import mechanics_sources
-from studies.streaming import clocks, frames, live_stream
+from studies.streaming import clocks, frames, live_stream, ros2_package
 
 RECORDING = Path(studies.__file__).parent / "examples" / "recording.csv"
 CHIPS = 2
@@ -582,6 +582,10 @@ def test_ros_package_is_whole_and_its_feed_is_the_stream(package, capsys, tmp_pa
     assert xml.etree.ElementTree.parse(package / "package.xml").getroot().get("format") == "3"
     named = re.findall(r'"((?:resource|launch|config)/[\w./]*)"', (package / "setup.py").read_text("utf-8"))
     assert len(named) == 4
+    assert "reject_ambient: false" in (package / "config" / "sensor.yaml").read_text("utf-8")
+    rejecting = ros2_package.files(Design(), reject_ambient=True)["ros2/magtip_sensor/config/sensor.yaml"]
+    rejecting(tmp_path / "sensor.yaml")
+    assert "reject_ambient: true" in (tmp_path / "sensor.yaml").read_text("utf-8")
     assert all((package / name).exists() for name in named)
     feed = importlib.import_module("magtip_sensor.feed").Feed
     capsys.readouterr()

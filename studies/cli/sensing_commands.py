@@ -369,7 +369,9 @@ def firmware(
         raise BadInput(live_stream.ONE_BEAM)
     made = parse_tolerances(exporting.tolerances or [], design, call.source)
     needed = stated_requirements(call.source)
-    more = ros2_package.files(design, calibration) if ros2 else {}
+    if array is not None and ros2:
+        raise BadInput("--ros2 writes a node for one sensor: leave it out, or take a design file without [array]")
+    more = ros2_package.files(design, calibration, reject_ambient=exporting.reject_ambient) if ros2 else {}
     if calibration is not None and calibration_file.holds_regression(calibration):
         found = calibration_file.regression_of(calibration, design, reject_ambient=exporting.reject_ambient)
         return publish(partial(regression_export.run, found, exporting.flash, needed, here.command, more), here)

@@ -22,13 +22,12 @@ CONFIG = ("config/design.toml", "config/calibration.json")
 FILES = tuple(f"ros2/{PACKAGE}/{name}" for name in (*(p + t for t, p in PLACES.items()), *MADE, *CONFIG))
 
 
-def files(design: Design, calibration: Path | None = None) -> dict[str, Writer]:
+def files(design: Design, calibration: Path | None = None, *, reject_ambient: bool = False) -> dict[str, Writer]:
     """Return the writers of the package's files; with a calibration it decodes by a copy of that."""
-    folder, calibrated = Path(__file__).with_name("ros2"), calibration is not None
+    folder = Path(__file__).with_name("ros2")
+    said = {"version": version("magtip"), "calibrated": calibration is not None, "rejects": reject_ambient}
     texts = {
-        place + name: page_templates.rendered(folder / f"{name}.j2", version=version("magtip"), calibrated=calibrated)
-        + "\n"
-        for name, place in PLACES.items()
+        place + name: page_templates.rendered(folder / f"{name}.j2", **said) + "\n" for name, place in PLACES.items()
     }
     texts |= {**MADE, CONFIG[0]: design_text(design)}
     if calibration is not None:
