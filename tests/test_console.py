@@ -64,8 +64,8 @@ def nothing_is_cut(rows, capsys):
         console.report(rest, as_json=False)
         whole = capsys.readouterr().out.splitlines()
     digits = 5 if rest is not rows else 4
-    upright = [(*text_tables.heading(key), *words_of(key, row[key], digits)) for row in rest for key in row]
-    said = "".join(f"{name}{''.join(words)}{unit}" for name, unit, *words in upright)
+    upright = [(text_tables.heading(key)[0], key, row[key]) for row in rest for key in row]
+    said = "".join(f"{name}{text_tables.with_its_unit(key, value, digits)}" for name, key, value in upright)
     assert "".join("".join(whole).split()) == "".join(said.split())
 
 

@@ -224,10 +224,10 @@ def _upright(record: Mapping[str, Any], keys: Sequence[str], digits: int) -> Ite
     """Yield the lines of a record, each with a name, its value and unit; a long value stands below its name."""
     from rich.padding import Padding
 
-    heads = [text_tables.heading(key) for key in keys]
-    longest = max((_width(name) for name, _ in heads), default=0)
-    for key, (name, unit) in zip(keys, heads, strict=True):
-        value = one_line(f"{text_tables.in_unit(key, record.get(key), digits)} {unit}".strip())
+    names = [text_tables.heading(key)[0] for key in keys]
+    longest = max(map(_width, names), default=0)
+    for key, name in zip(keys, names, strict=True):
+        value = one_line(text_tables.with_its_unit(key, record.get(key), digits))
         if longest + GAP + _width(value) <= room():
             yield name + " " * (longest + GAP - _width(name)) + value
         else:

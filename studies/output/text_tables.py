@@ -11,6 +11,8 @@ from studies.quantities import FACTORS, UNITS, column_unit, shown
 
 READ_IN = {"T": "mT"}
 """Units in which values of tables are read that are kept in another one."""
+RELATIVE = "error_estimate"
+"""End of the keys of relative errors, which are read in percent."""
 SYMBOLS = {column_unit(unit): UNITS[unit] for unit in sorted(UNITS, key=len, reverse=True) if UNITS[unit]}
 """Symbols of units by the last part of a key, the longest first: V_per_T ends with T."""
 TURNS = {
@@ -54,13 +56,20 @@ def heading(key: str) -> tuple[str, str]:
 
     >>> heading("stiffness_N_per_mm"), heading("shift_per_mm"), heading("gain_drift_per_K"), heading("field_T")
     (('stiffness', 'N/mm'), ('shift', 'mm/mm'), ('gain drift', '1/K'), ('field', 'mT'))
+    >>> heading("shift_error_estimate")
+    ('shift error estimate', '%')
     """
     if key in TURNS:
         return TURNS[key], UNITS["rad"]
     if key in MISFITS:
         return MISFITS[key]
     name, unit = name_and_unit(key)
-    return name, READ_IN.get(unit, unit)
+    return name, UNITS[other] if (other := _read_in(key, unit)) else unit
+
+
+def _read_in(key: str, unit: str) -> str:
+    """Return the name of the unit in which values of a key are read if that is another one than theirs, else ""."""
+    return "percent" if key.endswith(RELATIVE) else READ_IN.get(unit, "")
 
 
 def name_and_unit(key: str) -> tuple[str, str]:
@@ -93,17 +102,25 @@ def in_words(key: str) -> str:
 def in_unit(key: str, value: Any, digits: int = 5) -> str:
     """Return a value as text, in the unit of the key's heading.
 
-    >>> in_unit("field_T", 0.01), in_unit("bounds", {"shift_mm": [0.1, 2.0], "force_N": None})
-    ('10', 'shift 0.1, 2 mm, force - N')
+    >>> in_unit("field_T", 0.01), in_unit("error_estimate", 0.005), in_unit("at", {"shift_mm": [0.1, 2.0]})
+    ('10', '0.5', 'shift 0.1, 2 mm')
     """
     if isinstance(value, (list, tuple)):
         return ", ".join(in_unit(key, item, digits) for item in value)
     if isinstance(value, Mapping):
-        parts = [(*heading(name), in_unit(name, part, digits)) for name, part in value.items()]
-        return ", ".join(f"{name} {text} {unit}".strip() for name, unit, text in parts)
-    unit = name_and_unit(key)[1]
-    scaled = unit in READ_IN and isinstance(value, float)
-    return shown(FACTORS[READ_IN[unit]] * value if scaled else value, digits=digits)
+        return ", ".join(f"{heading(name)[0]} {with_its_unit(name, part, digits)}" for name, part in value.items())
+    other = _read_in(key, name_and_unit(key)[1]) if isinstance(value, float) else ""
+    return shown(FACTORS[other] * value if other else value, digits=digits)
+
+
+def with_its_unit(key: str, value: Any, digits: int = 5) -> str:
+    """Return a value as text with the unit of the key's heading, which a word, or no value, has not.
+
+    >>> with_its_unit("error_estimate", 0.005), with_its_unit("grip_mm", None), with_its_unit("shift_mm", [1.0, None])
+    ('0.5 %', '-', '1, - mm')
+    """
+    text = in_unit(key, value, digits)
+    return f"{text} {heading(key)[1]}".strip() if any(map(str.isdigit, text)) else text
 
 
 # Markdown
