@@ -10,6 +10,7 @@ import subprocess
 
 import numpy as np
 import pytest
+from conftest import take_surrogate
 from numpy.testing import assert_allclose, assert_array_equal
 
 from analytic import beam_arrays
@@ -18,6 +19,7 @@ from analytic.hall import field_at
 from analytic.time_series import RelaxingForce
 from geometry.array_design import grid_array
 from geometry.design import Design, paper
+from studies.calibration import calibration_file
 from studies.cli import main
 from studies.firmware import decoder_export
 from studies.firmware.decoder_export import STATUSES
@@ -276,6 +278,25 @@ def test_hostile_readings_under_sanitizers(chip, tmp_path):
     faults, share = firmware_check.hostile_faults(program, chip.coder, 3_000)
     assert faults == 0
     assert share > 5
+
+
+def test_the_calibration_of_the_study_knows_its_sensor(monkeypatch, tmp_path):
+    """By few presses, with the mechanics of the surrogate."""
+    take_surrogate(monkeypatch)
+    monkeypatch.setitem(firmware_check.PLAN, "presses", 4)
+    found = calibration_file.of_design(firmware_check.calibration(tmp_path), paper())
+    modulus = found.sensor.unknowns.names.index("modulus")
+    assert found.deviation[modulus] < 0.5 * found.sensor.unknowns.deviation[modulus]
+
+
+@needs("arm-none-eabi-gcc", "qemu-system-arm")
+@pytest.mark.parametrize(("fields", "rejects"), [({}, False), ({"chip_count": 3, "chip_x": 5.0}, True)])
+def test_code_for_the_target_is_as_large_as_is_said(fields, rejects, tmp_path):
+    layout = {"hall_layout": "tmag5273a1", "chip_noise": 5e-5} if fields else {}
+    firmware = decoder_export.prepare(Design(**layout, **fields), Exporting(flash="20k", reject_ambient=rejects))
+    firmware_check.write_header(firmware, tmp_path)
+    size = firmware_check.for_target(tmp_path)[1]
+    assert size <= firmware.flash < size + 150
 
 
 @needs("arm-none-eabi-gcc", "qemu-system-arm")

@@ -63,9 +63,11 @@ SIZES = (
     *(((6, 6, 4), 16), ((6, 6, 4), 12), ((6, 6, 4), 10), ((5, 5, 3), 12), ((5, 5, 3), 10)),
 )
 """Cells of the grid of starts, and coefficients of the field along r and z; the first that fit are taken."""
-CODE, CALIBRATED_CODE, WARM_CODE, REJECTING_CODE, ARRAY_CODE = 10_300, 450, 900, 400, 1500
+CODE, CALIBRATED_CODE, WARM_CODE, REJECTING_CODE = 10_360, 480, 900, 230
 """Bytes beside the tables of a program for a Cortex-M4F with -Os, functions of math.h included (results/devices);
-those of a calibration's intervals, of its temperature, of an ambient field, and of an array."""
+those of a calibration's intervals, of its temperature, and of an ambient field."""
+CHIPS_CODE, CHIP_CODE, ARRAY_CODE, BEAM_CODE = 120, 205, 1320, 28
+"""Further bytes of chips in place of one-axis elements, of each chip, of an array, and of each beam of it."""
 MOMENTS = (1, 3, 5)
 """Orders of the moments of a neighbour's magnet."""
 FRAMES = 32
@@ -134,8 +136,7 @@ class Firmware:
 
     @property
     def code(self) -> int:
-        code = code_of(self.coder, calibrated=self.made is None, warm=self.is_warm)
-        return code + (self.array is not None) * ARRAY_CODE
+        return code_of(self.coder, self.array, calibrated=self.made is None, warm=self.is_warm)
 
     @property
     def is_warm(self) -> bool:
@@ -156,9 +157,11 @@ class Firmware:
         )
 
 
-def code_of(coder: Decoder, *, calibrated: bool, warm: bool) -> int:
-    rejects = coder.field_fit is not None
-    return CODE + calibrated * CALIBRATED_CODE + warm * WARM_CODE + rejects * REJECTING_CODE
+def code_of(coder: Decoder, array: BeamArray | None, *, calibrated: bool, warm: bool) -> int:
+    design, rejects = coder.forward.design, coder.field_fit is not None
+    chips = 0 if design.hall_layout == "three" else CHIPS_CODE + CHIP_CODE * int(design.chip_count)
+    beams = 0 if array is None else ARRAY_CODE + BEAM_CODE * len(array)
+    return CODE + chips + beams + calibrated * CALIBRATED_CODE + warm * WARM_CODE + rejects * REJECTING_CODE
 
 
 def bytes_of(text: str) -> int:
@@ -201,7 +204,11 @@ def prepare(
         # the share of made sensors beyond a row below this is at least DOUBTFUL
         limit = float(at_rest.of_made[-math.ceil(decode_tolerances.DOUBTFUL * len(at_rest.of_made))])
         rest = at_rest.inverse, limit
-    tables = _fitting(coder, room, flash, unsure, warming)
+    beams = None if array is None else beam_arrays.of_array(coder.forward, array)
+    if beams is not None and (inside := beams.obstructed()):
+        raise BadInput(f"{inside} lies inside the beam of a neighbour: take a larger pitch")
+    code = code_of(coder, beams, calibrated=unsure is not None, warm=bool(warming))
+    tables = _fitting(coder, room - code, code, flash, unsure, warming)
     errors = decoder_tables.errors_of(coder, tables)
     share = 100 * errors[1] / errors[2]
     if not share <= WORST:
@@ -212,13 +219,8 @@ def prepare(
     scale = errors[1], *full_scale(needed, errors[2], "the largest force of the workspace")
     if needed is not None:
         scale = required_error(coder, tables, needed), *scale[1:]
-    firmware = Firmware(coder, design, source, sizes, rest, tables, errors, scale, rated_forces(coder, needed))
-    if array is None:
-        return firmware
-    beams = beam_arrays.of_array(coder.forward, array)
-    if inside := beams.obstructed():
-        raise BadInput(f"{inside} lies inside the beam of a neighbour: take a larger pitch")
-    return dataclasses.replace(firmware, array=beams, first_order=_first_order(firmware, beams))
+    firmware = Firmware(coder, design, source, sizes, rest, tables, errors, scale, rated_forces(coder, needed), beams)
+    return firmware if beams is None else dataclasses.replace(firmware, first_order=_first_order(firmware, beams))
 
 
 def _first_order(firmware: Firmware, beams: BeamArray) -> tuple[float, float]:
@@ -346,15 +348,16 @@ def _warming(found: Fit) -> dict[str, Array]:
 def _fitting(
     coder: Decoder,
     room: int,
+    code: int,
     flash: str,
     unsure: Callable[[Array], Array] | None,
     warming: Mapping[str, Array],
 ) -> Tables:
+    """Return the largest tables that fit into the room, bytes, which the code leaves."""
     doubt = decode_readings.TENTH if coder.forward.design.prony else decode_readings.HALF
-    code = code_of(coder, calibrated=unsure is not None, warm=bool(warming))
     for cells, knots in SIZES:
         tables = decoder_tables.tables_of(coder, cells, (knots, knots), doubt, unsure, warming)
-        if tables.size + code <= room:
+        if tables.size <= room:
             return tables
     raise BadInput(
         f"--flash {flash} is too small: the smallest decoder of this design takes {tables.size + code} bytes, "

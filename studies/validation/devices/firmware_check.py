@@ -213,7 +213,7 @@ def calibration(folder: Path) -> Path:
     bench = bench_file.read([folder / "bench.csv"], design)
     un = sensor_fit.unknowns_of(design, bench, made, model_error=calibration_study.mechanics_of(design, None)[2])
     sensor = dataclasses.replace(plan.sensor, unknowns=un)
-    found = sensor_fit.fit(sensor, sensor_fit.measured_of(bench), np.zeros(PLAN["presses"]))
+    found = sensor_fit.fit(sensor, sensor_fit.measured_of(bench), sensor_fit.warmer_of(sensor, bench))
     path = folder / "calibration.json"
     path.write_text(calibration_file.as_text(found, plan.mechanics_source, None), "utf-8")
     return path
