@@ -1,6 +1,6 @@
-"""What a change costs: in a copy of the product two fields, a quantity, a model, a verb, a study of validation and a
-criterion of sizing are added, each where it is declared and nowhere else; columns, JSON, headings, titles, controls,
-help, margins, yield and pages follow."""
+"""What a change costs: in a copy of the product two fields, a quantity, a model, a verb, a study of validation, a
+criterion of sizing and a panel of the live page are added, each where it is declared and nowhere else; columns, JSON,
+headings, titles, controls, help, margins, yield and pages follow."""
 
 import json
 import os
@@ -34,6 +34,10 @@ DECLARED = {
     "studies/parts/requirements.py": (
         "    D_low: float | None",
         CRITERION,
+    ),
+    "studies/web/panels.py": (
+        '    Panel("vibration"',
+        '    Panel("slenderness", "Slenderness", "slenderness.ratio", width=12),\n',
     ),
 }
 """Files of the product, each with the text before which something is declared, and its declaration."""
@@ -91,6 +95,15 @@ class Spring(Model):
         made = {"turns": design.L / design.D, "wire": "steel"}
         return Answer(design.D, design.E, pressed, "ok", "of a spring", NAN, 0.0, columns=made)
 '''
+PANEL = '''"""The panel `slenderness`."""
+
+from studies.web.state_answers import number
+
+
+def ratio(request, level, memory):
+    design = request.state.design
+    yield level, {"columns": ["", ""], "rows": [number("L over D", "", design.L / design.D)], "message": ""}
+'''
 SIZED = """
 import dataclasses
 import numpy as np
@@ -123,7 +136,10 @@ import magtip
 from geometry import design_digest
 from geometry.design import Design
 from studies.cli import commands
-from studies.web.explorer_state import explorer_fields, state_of
+from studies.mechanics import store
+from studies.web.explorer_answers import Answers
+from studies.web.explorer_state import explorer_fields, request_of, state_of
+from studies.web.page_content import explorer_page
 from studies.web.state_answers import numbers
 from studies.web.state_exports import shell
 
@@ -143,6 +159,9 @@ except magtip.BadInput as error:
 refused = magtip.answer(cases.assign(pad_mm=[1.0, 10.0], lift_N=[-1.0, 0.5]), ["finite"], quantities=["force"])
 sweep = ("sweep", "paper", "--axis", "pad=1,2", "--axis", "lift=0,0.5", "--depth", "0.5", "--models", "finite,spring",
          "--quantities", "force,sag")
+asked = {"parts": ["slenderness"], "state": {"level": "quick", "design": {"L": 12}}}
+with store.opened(None) as kept:
+    panel = [answer for answer in Answers(kept).all_of(request_of(asked), "quick") if answer]
 lifted = ("solve", "paper", "--lift", "0.25", "--accuracy", "quick")
 print("RESULT" + json.dumps({
     "answers": list(answers), "refused": list(refused.message),
@@ -163,6 +182,7 @@ print("RESULT" + json.dumps({
     "label": design_digest.label({"pad_mm": 1.0, "D_mm": 8.0})["made_for"],
     "verbs": said("--help"), "verb": said("length", "paper", "--set", "L=11", "--json"),
     "list": said("validate", "verify", "--help"), "example": said("size", "--example"), "sized": sized,
+    "panel": panel, "html": explorer_page(), "offline": explorer_page(offline=True),
     "study": said("validate", "verify", "pads", "--pads", "2", "--out", "pages"),
 }))
 """
@@ -187,6 +207,7 @@ def copy(tmp_path_factory):
     (folder / "studies/models/spring.py").write_text(MODEL, "utf-8")
     (folder / "studies/validation/verify/pads.py").write_text(STUDY, "utf-8")
     (folder / "studies/validation/templates/pads.md.j2").write_text(PAGE, "utf-8")
+    (folder / "studies/web/slenderness.py").write_text(PANEL, "utf-8")
     (folder / "needed.toml").write_text('force_z = 5\nsqueeze = "0.2 cm"\n', "utf-8")
     env = {**os.environ, "PYTHONPATH": str(folder), "COLUMNS": "200"}
     done = subprocess.run([sys.executable, "-c", SIZED + ASKED], cwd=folder, env=env, capture_output=True, text=True)
@@ -351,3 +372,15 @@ def test_a_criterion_is_on_the_page_of_a_sizing_and_in_the_sentence_of_a_conflic
     assert re.search(r"\| squeeze +\| 2 +\| mm +\| set +\| [\d.]+ +\|", sized["page"])
     assert f"; deepest press: {sized['depth']:.3g} mm" in sized["page"]
     assert "squeeze rises to 2.5 mm" in sized["conflict"]
+
+
+def test_a_panel_is_a_section_of_the_page_whose_part_is_asked_for_and_answered(copy):
+    _, found = copy
+    (section,) = re.findall(r'<section [^>]*id="slenderness-panel".*?</section>', found["html"])
+    assert 'class="panel span-12 compared-12"' in section
+    assert 'data-part="slenderness"' in section
+    assert "<h2>Slenderness</h2>" in section
+    assert 'data-table="slenderness"' in section
+    ((part, level, data),) = found["panel"]
+    assert (part, level, data["rows"][0]["value"]) == ("slenderness", "quick", 1.5)
+    assert "slenderness" not in found["offline"]

@@ -220,12 +220,12 @@ def test_bug_is_said_to_the_page_that_met_it_before_the_next_job_begins(loop, mo
 def test_a_bug_leaves_nothing_that_is_kept(monkeypatch, kept):
     answers = explorer_answers.Answers(kept)
     monkeypatch.setattr(answers, "all_of", lambda *_: 1 / 0)
-    answers._kept.get("curve", float)
+    answers.memory.results.get("curve", float)
     monkeypatch.setattr(explorer_workers, "_answers", lambda: answers)
     monkeypatch.setattr(explorer_workers, "_talks", [explorer_workers.Talk(multiprocessing.Pipe()[0])])
     with pytest.raises(ZeroDivisionError):
         explorer_workers.do(explorer_workers.Job(explorer_state.request_of({}), "quick"))
-    assert not answers._kept.values
+    assert not answers.memory.results.values
 
 
 def test_processes_that_never_start_are_said_to_every_request(loop, monkeypatch, capfd):
@@ -495,4 +495,4 @@ def test_files_of_the_page_are_in_the_wheel():
     wheel = project["tool"]["hatch"]["build"]["targets"]["wheel"]
     assert "studies" in wheel["packages"]
     assert not wheel.get("exclude")
-    assert (explorer_server.PAGE / explorer_server.INDEX).is_file()
+    assert (explorer_server.PAGE / f"{explorer_server.INDEX}.j2").is_file()

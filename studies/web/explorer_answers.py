@@ -1,8 +1,8 @@
 """The answers to a request of the page, part by part, in the order in which they are ready, and what they keep.
 
 The picture comes first, and everything else when no newer request has come for a moment: the sensor in 3D, error
-estimates, the decoded load, the curve, stability, vibration and loop. What depends on the design alone is kept while
-only the load changes, and paths of loads are, so that a small change of a state costs little.
+estimates, the decoded load, the curve and the panels of numbers (`panels`). What depends on the design alone is kept
+while only the load changes, and paths of loads are, so that a small change of a state costs little.
 
 A path belongs to a mesh and a kind of load (`_key`). A press starts at rest, and a shear at the kept press below it,
 as in `fem.equilibrium.solve`: the answers are the same. Changes that no finite element sees, such as E, the magnet's
@@ -19,13 +19,11 @@ hold: it is solved for each time, and so is a state where the path stops.
 
 from __future__ import annotations
 
-import dataclasses
 import json
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -39,28 +37,16 @@ from fem.solve.load_case_models import graded_depth, path_models
 from fem.solve.load_increments import Reached
 from fem.solve.load_stepping import Path
 from fem.solve.path_state import PathState
-from geometry.bad_input import SolveFailed
-from geometry.design import OF_READINGS, OF_TIME, BadInput, Design
 from geometry.loads import ANSWERED
 from studies.mechanics import path_solver, stored_answers
 from studies.mechanics.store import Store
-from studies.mechanics.study_cases import Recent
-from studies.web import (
-    state_answers,
-    state_exports,
-    state_pictures,
-    time_answers,
-)
+from studies.web import state_answers, state_exports, state_pictures
 from studies.web.explorer_state import ExplorerState, Request
-
-if TYPE_CHECKING:
-    from studies.calibration.sensor_fit import Fit
+from studies.web.panels import ANSWERED_PANELS, Memory, When
 
 Data = dict[str, Any]
 Answer = tuple[str, str, Data]
 """A part, its level and its data."""
-MOST_RESULTS = 12
-"""Most results that depend on the design alone and are kept: decoder, curves and stability of two designs."""
 MOST_PATHS = 4
 """Most paths that are kept: two designs side by side, each with its coarser mesh for the error estimates."""
 
@@ -69,34 +55,30 @@ class Answers:
     """Computes parts in one process, and keeps paths and what depends on the design alone."""
 
     def __init__(self, store: Store) -> None:
-        self.paths, self._store = KeptPaths(), store
-        self._kept: Recent[Any] = Recent(MOST_RESULTS)
+        self.paths, self.memory = KeptPaths(), Memory(store)
         self._design: dict[str, Any] = {}
-        self._vibrating: tuple[Any, time_answers.Vibrating] | None = None
 
     def all_of(self, request: Request, level: str) -> Iterator[Answer | None]:
         """Yield the parts of a request at a level; None stands before what can wait for a hand that rests."""
         state, parts = request.state, request.parts
-        has_margins = "margins" in parts and level == state.level
-        if has_margins and level == "standard":
-            yield "margins", level, self._margins(request)
+        rests = level == state.level
+        if rests and level == "standard":
+            yield from self._panels(request, level, "first")
         if not {"state", "sensor3d", "field_lines"}.isdisjoint(parts):
             yield from self._solved(request, level)
         yield None
-        if has_margins and level == "quick":
-            yield "margins", level, self._margins(request)
+        if rests and level == "quick":
+            yield from self._panels(request, level, "first")
         # what depends on the design alone is not sent in a coarse form again while only the load changes
-        shown = mechanics(state.design), state.magnet, sensor_of(request) is None
-        if level == state.level or self._design.get(request.side) != shown:
+        shown = state_answers.mechanics(state.design), state.magnet, request.sensor is None
+        if rests or self._design.get(request.side) != shown:
             if "curve" in parts:
                 yield "curve", level, self._curve(request, level)
-            if "stability" in parts:
-                yield from self._stability(state, level)
+            yield from self._panels(request, level, "design")
             self._design[request.side] = shown
-        if "vibration" in parts and level == state.level:
-            yield "vibration", level, self._vibration(state, level)
-        if "loop" in parts:
-            yield from self._loop(request, level)
+        if rests:
+            yield from self._panels(request, level, "rest")
+        yield from self._panels(request, level, "load")
 
     def export(self, name: str, request: Request) -> bytes:
         """Return a file of a state at its own level."""
@@ -106,20 +88,26 @@ class Answers:
         scene = _scene_of(state, state.level)
         # the deformed body is not in the store
         solution = self.paths.solve(scene) if name == "fields.vtu" else self._estimated(scene)
-        return state_exports.of_solution(name, state, solution, sensor_of(request))
+        return state_exports.of_solution(name, state, solution, request.sensor)
 
     def forget(self) -> None:
         """Free everything that is kept."""
         self.paths = KeptPaths()
-        self._kept.values.clear()
+        self.memory.clear()
         self._design.clear()
-        self._vibrating = None
+
+    def _panels(self, request: Request, level: str, when: When) -> Iterator[Answer]:
+        """Yield the answers of the panels of numbers that are due."""
+        for panel in ANSWERED_PANELS:
+            if panel.when == when and panel.name in request.parts:
+                for reached, data in panel.answers(request, level, self.memory):
+                    yield panel.name, reached, data
 
     def _solved(self, request: Request, level: str) -> Iterator[Answer | None]:
         """Yield the parts that belong to one solution: the state, again with its error estimates, and the figures."""
-        state, parts, made = request.state, request.parts, sensor_of(request)
+        state, parts, made = request.state, request.parts, request.sensor
         calibration = state_answers.NOT_CALIBRATED if request.made is not None and made is None else ""
-        decoder = self._kept.values.get(("decoder", state.design))
+        decoder = self.memory.results.values.get(("decoder", state.design))
         scene = _scene_of(state, level)
         solution = self.paths.solve(scene, moving=level == "quick")
         section = (
@@ -144,93 +132,29 @@ class Answers:
             yield answer()
             if decoder is None and made is None and state.design.shape.has_magnet:
                 yield None
-                decoder = self._kept.get(("decoder", state.design), lambda: state_answers.build_decoder(state.design))
+                decoder = self.memory.results.get(
+                    ("decoder", state.design), lambda: state_answers.build_decoder(state.design)
+                )
                 yield answer()
 
     def _estimated(self, scene: Scene) -> Solution:
         """Return the solution of a scene with one load, with error estimates; without its field from the store."""
-        (found,) = stored_answers.walked(scene, self._store, walk=self.paths.walk)
+        (found,) = stored_answers.walked(scene, self.memory.store, walk=self.paths.walk)
         return found
 
     def _curve(self, request: Request, level: str) -> Data:
         """Return the curve; at level quick its error estimates follow only if it is not refined."""
-        state, made = request.state, sensor_of(request)
+        state, made = request.state, request.sensor
         estimate = level == state.level
-        key = ("curve", mechanics(state.design), state.magnet, level, estimate, made is None)
+        key = ("curve", state_answers.mechanics(state.design), state.magnet, level, estimate, made is None)
 
         def curve() -> Data:
-            return state_answers.curve(state.design, state.magnet, level, self._store if estimate else None, made)
+            return state_answers.curve(
+                state.design, state.magnet, level, self.memory.store if estimate else None, made
+            )
 
-        data: Data = self._kept.get(key, curve)
+        data: Data = self.memory.results.get(key, curve)
         return data
-
-    def _stability(self, state: ExplorerState, level: str) -> Iterator[Answer]:
-        """Yield the stability by the surrogate, and by finite elements at the level of the state."""
-        design, magnet = state.design, state.magnet
-        key = ("stability", mechanics(design), magnet, level)
-        if key not in self._kept.values and level == "quick":
-            data = state_answers.by_surrogate(design, magnet)
-            if data is not None:
-                yield "stability", "surrogate", data
-        if level == state.level:
-            compute = partial(state_answers.by_finite_elements, design, magnet, level, self._store)
-            yield "stability", level, self._kept.get(key, compute)
-
-    def _margins(self, request: Request) -> Data:
-        from studies.web import required_margins
-
-        design, needed = request.state.design, request.needed
-        data: Data = self._kept.get(("margins", design, needed), lambda: required_margins.margins(design, needed))
-        return data
-
-    def _vibration(self, state: ExplorerState, level: str) -> Data:
-        """Return the vibration about a state; its systems stay for other frequencies, those of one state only."""
-        if not state.frequency:
-            return time_answers.refusal("a frequency above 0 Hz gives the vibration about this state")
-        key = state.design, state.vibrating_load, state.magnet, level
-        try:
-            if self._vibrating is None or self._vibrating[0] != key:
-                self._vibrating = None
-                self._vibrating = key, time_answers.prepare(*key, self._store)
-            data = time_answers.vibration(self._vibrating[1], state.frequency)
-        except (BadInput, SolveFailed) as error:
-            data = time_answers.refusal(str(error))
-        stability = self._kept.values.get(("stability", mechanics(state.design), state.magnet, level), {})
-        silicone = time_answers.rate_sentence(state.design, state.frequency, stability.get("first_mode_hz"))
-        return data | {"message": f"{data['message']} {silicone}".strip()}
-
-    def _loop(self, request: Request, level: str) -> Iterator[Answer]:
-        """Yield the loop of a linear spring first, and by finite elements at the level of the state."""
-        state, made = request.state, sensor_of(request)
-        if not state.speed:
-            yield "loop", level, time_answers.refusal("a speed above 0 mm/s gives the loop of a loading cycle")
-            return
-        try:
-            motion = time_answers.motion_of(state)
-        except BadInput as error:
-            yield "loop", level, time_answers.refusal(str(error))
-            return
-        key = ("loop", state.design, state.magnet, motion, made is None)
-        if key not in self._kept.values:
-            yield "loop", "linear", time_answers.linear_loop(state, motion)
-        if level == state.level:
-            yield "loop", level, self._kept.get(key, lambda: time_answers.loop(state, motion, self._store, made))
-
-
-def sensor_of(request: Request) -> Fit | None:
-    """Return the calibrated sensor of a request whose state is that of its design; else None."""
-    from studies.calibration import calibration_file
-
-    made, state = request.made, request.state
-    if made is None or state.magnet != "rigid" or not calibration_file.describes(made, state.design):
-        return None
-    return made
-
-
-def mechanics(design: Design) -> tuple[Any, ...]:
-    """Return the fields of a design on which its curve and its stability depend."""
-    names = [spec.name for spec in dataclasses.fields(design)]
-    return tuple(getattr(design, name) for name in names if name not in (*OF_READINGS, *OF_TIME))
 
 
 @dataclass(slots=True)

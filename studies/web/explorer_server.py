@@ -34,7 +34,7 @@ from studies.output.bounded_files import json_in
 from studies.web import explorer_workers, state_exports
 from studies.web.explorer_state import Request, explorer_fields, request_of, wrong_field
 from studies.web.explorer_workers import encoded, fault
-from studies.web.page_content import PAGE, page_charts
+from studies.web.page_content import PAGE, explorer_page, page_charts
 
 if TYPE_CHECKING:
     from studies.calibration.sensor_fit import Fit
@@ -186,7 +186,8 @@ class Files(Guarded):
     def get(self, name: str = INDEX) -> None:
         if name == INDEX:
             self.server.give_cookie(self)
-        if name == CONTROLS:
+            content = explorer_page()
+        elif name == CONTROLS:
             content = json.dumps({"fields": explorer_fields(paper(), self.server.needed), "charts": page_charts()})
         elif name in FILES:
             content = FILES[name].read_text("utf-8")

@@ -27,6 +27,7 @@ from geometry.loads import Load, Magnet
 from studies.inputs import user_input
 from studies.inputs.study_input import IN_STATES, LOADS, load_of
 from studies.quantities import UNITS
+from studies.web.panels import ANSWERED_PANELS
 
 if TYPE_CHECKING:
     from studies.calibration.sensor_fit import Fit
@@ -34,9 +35,9 @@ if TYPE_CHECKING:
 
 Side = Literal["a", "b"]
 Level = Literal["quick", "standard"]
-Part = Literal["state", "curve", "sensor3d", "field_lines", "stability", "vibration", "loop", "margins", "commands"]
 
-SIDES, LEVELS, PARTS = get_args(Side), get_args(Level), get_args(Part)
+SIDES, LEVELS = get_args(Side), get_args(Level)
+PARTS = ("state", "curve", "sensor3d", "field_lines", *(panel.name for panel in ANSWERED_PANELS), "commands")
 RATES = {"frequency": "Hz", "speed": "mm/s"}
 """Fields of a load that say how fast the plate moves, and their units: frequency of small vibrations about the load,
 speed of loading cycles up to it; 0: none. The solved state is at rest."""
@@ -93,9 +94,19 @@ class Request:
     number: int
     side: Side
     state: ExplorerState
-    parts: tuple[Part, ...]
+    parts: tuple[str, ...]
     needed: Requirements | None = None
     made: Fit | None = None
+
+    @property
+    def sensor(self) -> Fit | None:
+        """The calibrated sensor where the state is that of its design; else None."""
+        from studies.calibration import calibration_file
+
+        made, state = self.made, self.state
+        if made is None or state.magnet != "rigid" or not calibration_file.describes(made, state.design):
+            return None
+        return made
 
 
 def request_of(message: object) -> Request:

@@ -31,13 +31,14 @@ from studies.mechanics.store import Store
 from studies.output import atomic_files
 from studies.output.page_templates import rendered
 from studies.web import state_answers, state_exports, state_pictures
-from studies.web.explorer_state import RATES, ExplorerState, Level, components, explorer_fields
-from studies.web.page_content import PAGE, as_json, packed, page_charts
+from studies.web.explorer_state import RATES, ExplorerState, Level, Request, components, explorer_fields
+from studies.web.page_content import PAGE, as_json, explorer_page, packed, page_charts
+from studies.web.panels import ANSWERED_PANELS, Memory
 
 if TYPE_CHECKING:
     from fem.solution import Solution
 
-INDEX, LIVE = "index.html", "page/live_engine.js"
+LIVE = "page/live_engine.js"
 LEVEL: Level = "standard"
 """Accuracy of the page's finite elements: that of the verbs."""
 DEEPEST, FARTHEST = 0.375, 0.375
@@ -183,7 +184,7 @@ def page(design: Design, stops: Stops, states: list[list[Data]], store: Store) -
         "states": states,
         "curve": {"figures": curve["figures"]},
         "charts": page_charts(),
-        "stability": state_answers.by_finite_elements(design, magnet, LEVEL, store),
+        "panels": _panels(design, magnet, store),
         "files": {
             "design.toml": user_input.design_text(design),
             "curve.csv": state_exports.of_curve(curve).decode(),
@@ -193,13 +194,21 @@ def page(design: Design, stops: Stops, states: list[list[Data]], store: Store) -
     sensor = state_exports.sensor_name(design)
     counts = {"presses": len(states) - 1, "sheared": known}
     about = rendered(PAGE / "fixed_design.html.j2", sensor=sensor, level=LEVEL, stops=stops, **counts)
-    text = (PAGE / INDEX).read_text(encoding="utf-8")
+    text = explorer_page(offline=True)
     text = text.replace("<head>", f'<head>\n<meta http-equiv="Content-Security-Policy" content="{POLICY}">', 1)
     text = text.replace("<body>", '<body class="offline">', 1)
     text = text.replace('<p id="notice"', f'{about}\n<p id="notice"', 1)
     text = text.replace("Reset to the paper's sensor", "Reset the load")
     text = re.sub(r'<link rel="stylesheet" href="([^"]+)">', lambda link: _style(link[1]), text)
     return re.sub(r'<script src="([^"]+)"></script>', lambda script: _scripts(script[1], content), text)
+
+
+def _panels(design: Design, magnet: Magnet, store: Store) -> Data:
+    """Return the last answers of the panels that the page has, by their names."""
+    panels = [panel for panel in ANSWERED_PANELS if panel.offline]
+    state = ExplorerState(design, Load(0.0), magnet, LEVEL)
+    request, memory = Request(0, "a", state, tuple(panel.name for panel in panels)), Memory(store)
+    return {panel.name: [data for _, data in panel.answers(request, LEVEL, memory)][-1] for panel in panels}
 
 
 def _fields(design: Design, stops: Stops) -> list[Data]:

@@ -16,8 +16,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from studies.output import figures
+from studies.output import figures, page_templates
 from studies.output.bounded_files import bytes_of
+from studies.web.panels import PANELS
 
 if TYPE_CHECKING:
     from markupsafe import Markup
@@ -57,6 +58,12 @@ def _finite(value: Any) -> Any:
     if isinstance(value, dict):
         return {key: _finite(one) for key, one in value.items()}
     return [_finite(one) for one in value] if isinstance(value, (list, tuple)) else value
+
+
+def explorer_page(*, offline: bool = False) -> str:
+    """Return the HTML of the live page, or of the one without a server, with its panels."""
+    panels = [panel for panel in PANELS if panel.offline or not offline]
+    return page_templates.rendered(PAGE / "index.html.j2", panels=panels)
 
 
 def page_charts() -> dict[str, Any]:

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,8 @@ from studies.quantities import UNITS, shown
 from studies.sizing import candidate_performance, sensor_arrays, variant_search
 from studies.sizing.candidate_performance import Performance
 from studies.sizing.candidate_variables import Variant
+from studies.web.explorer_state import Request
+from studies.web.panels import Memory
 from studies.web.state_answers import number
 from studies.web.time_answers import refusal
 
@@ -116,6 +119,12 @@ def variant_of(design: Design, needed: Requirements, *, nominal: bool = False) -
     silicone = like(parts.silicones) or dataclasses.replace(parts.silicones[0], E_low=design.E, E_high=design.E)
     part = like(parts.hall_parts) or dataclasses.replace(parts.hall_parts[0], gain_drift=None)
     return Variant(design, magnet, part, silicone)
+
+
+def margins_panel(request: Request, level: str, memory: Memory) -> Iterator[tuple[str, Data]]:
+    """Yield what the design of a request leaves of its requirements."""
+    design, needed = request.state.design, request.needed
+    yield level, memory.results.get(("margins", design, needed), partial(margins, design, needed))
 
 
 def margins(design: Design, needed: Requirements | None) -> Data:

@@ -10,8 +10,11 @@ whatever the friction of the shear. The stability comes first from the surrogate
 
 from __future__ import annotations
 
+import dataclasses
 import math
+from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -25,7 +28,7 @@ from fem.scene import Scene
 from fem.solution import Solution
 from geometry.arrays import Array
 from geometry.bad_input import SolveFailed
-from geometry.design import BadInput, Design
+from geometry.design import OF_READINGS, OF_TIME, BadInput, Design
 from geometry.loads import ANSWERED, Load, Magnet, Response
 from studies import quantities
 from studies.beam import surrogate_range, surrogate_response
@@ -36,7 +39,8 @@ from studies.mechanics.stored_answers import asked, walked
 from studies.output.records import FlatRow
 from studies.simulation import state_rows
 from studies.simulation.compare import default_loads
-from studies.web.explorer_state import ExplorerState
+from studies.web.explorer_state import ExplorerState, Request
+from studies.web.panels import Memory
 
 if TYPE_CHECKING:
     from analytic.decode import Decoder
@@ -326,6 +330,30 @@ def curve(design: Design, magnet: Magnet, level: str, store: Store | None, made:
         "formulas": formulas,
     }
     return data | {"figures": _curve_figures(data)}
+
+
+def stability_panel(request: Request, level: str, memory: Memory) -> Iterator[tuple[str, Data]]:
+    """Yield the stability by the surrogate, and by finite elements at the level of the state."""
+    state = request.state
+    key = stability_key(state, level)
+    if key not in memory.results.values and level == "quick":
+        data = by_surrogate(state.design, state.magnet)
+        if data is not None:
+            yield "surrogate", data
+    if level == state.level:
+        compute = partial(by_finite_elements, state.design, state.magnet, level, memory.store)
+        yield level, memory.results.get(key, compute)
+
+
+def stability_key(state: ExplorerState, level: str) -> tuple[Any, ...]:
+    """Return the key of the stability by finite elements among what is kept."""
+    return "stability", mechanics(state.design), state.magnet, level
+
+
+def mechanics(design: Design) -> tuple[Any, ...]:
+    """Return the fields of a design on which its curve and its stability depend."""
+    names = [spec.name for spec in dataclasses.fields(design)]
+    return tuple(getattr(design, name) for name in names if name not in (*OF_READINGS, *OF_TIME))
 
 
 def by_surrogate(design: Design, magnet: Magnet) -> Data | None:

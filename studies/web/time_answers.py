@@ -9,7 +9,7 @@ speed of the page, in the manner of `magtip cycle`: first that of a linear sprin
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -23,6 +23,7 @@ from fem.results.error_estimates import VibrationQuantity, estimate_vibration
 from fem.scene import relaxed
 from fem.solve import load_increments
 from geometry.arrays import Array
+from geometry.bad_input import SolveFailed
 from geometry.design import BadInput, Design
 from geometry.loads import ANSWERED, Load, Magnet
 from geometry.relaxation import range_sentence, relaxation_of
@@ -35,8 +36,9 @@ from studies.mechanics.stored_answers import vibrating
 from studies.output import page_templates
 from studies.simulation import response_curves
 from studies.simulation.response_curves import At
-from studies.web.explorer_state import ExplorerState
-from studies.web.state_answers import number
+from studies.web.explorer_state import ExplorerState, Request
+from studies.web.panels import Memory
+from studies.web.state_answers import number, stability_key
 
 if TYPE_CHECKING:
     from studies.calibration.sensor_fit import Fit
@@ -64,6 +66,42 @@ class Vibrating:
     at: At
     coarse: At | None
     band: tuple[float, float]
+
+
+def vibration_panel(request: Request, level: str, memory: Memory) -> Iterator[tuple[str, Data]]:
+    """Yield the vibration about a state; its systems stay for other frequencies, those of one state only."""
+    state = request.state
+    if not state.frequency:
+        yield level, refusal("a frequency above 0 Hz gives the vibration about this state")
+        return
+    key = state.design, state.vibrating_load, state.magnet, level
+    try:
+        if key not in memory.systems.values:
+            memory.systems.values.clear()
+        data = vibration(memory.systems.get(key, lambda: prepare(*key, memory.store)), state.frequency)
+    except (BadInput, SolveFailed) as error:
+        data = refusal(str(error))
+    stability = memory.results.values.get(stability_key(state, level), {})
+    silicone = rate_sentence(state.design, state.frequency, stability.get("first_mode_hz"))
+    yield level, data | {"message": f"{data['message']} {silicone}".strip()}
+
+
+def loop_panel(request: Request, level: str, memory: Memory) -> Iterator[tuple[str, Data]]:
+    """Yield the loop of a linear spring first, and by finite elements at the level of the state."""
+    state, made = request.state, request.sensor
+    if not state.speed:
+        yield level, refusal("a speed above 0 mm/s gives the loop of a loading cycle")
+        return
+    try:
+        motion = motion_of(state)
+    except BadInput as error:
+        yield level, refusal(str(error))
+        return
+    key = ("loop", state.design, state.magnet, motion, made is None)
+    if key not in memory.results.values:
+        yield "linear", linear_loop(state, motion)
+    if level == state.level:
+        yield level, memory.results.get(key, lambda: loop(state, motion, memory.store, made))
 
 
 def prepare(design: Design, load: Load, magnet: Magnet, level: str, store: Store) -> Vibrating:

@@ -65,7 +65,7 @@ const Explorer = (() => {
     if (done) commitSoon();
   }
 
-  const isAsked = (part) => !engine.without?.includes(part) && (part !== "field_lines" || view.lines === "yes");
+  const isAsked = (part) => part !== "field_lines" || view.lines === "yes";
   const parts = () => Requests.PARTS.filter(isAsked);
 
   function message(side) {

@@ -70,9 +70,9 @@ const OfflineEngine = (text) => {
       state: { ...stop.state, section },
       curve: page.curve,
       sensor3d: sensor(stop),
-      stability: page.stability,
       commands: stop.commands,
       field_lines,
+      ...page.panels,
     };
     return wanted.filter((name) => every[name]).map((name) => [name, every[name]]);
   }
@@ -91,8 +91,6 @@ const OfflineEngine = (text) => {
 
   return {
     time: "solved beforehand",
-    // parts that need a server
-    without: ["margins", "vibration", "loop"],
     start: () => setTimeout(() => on.opened(), 0),
     ask,
     async fields() {

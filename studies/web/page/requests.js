@@ -78,4 +78,7 @@ const Requests = (engine, { message, show, refuse, progress }) => {
   engine.on.answer = receive;
   return { change, receive, opened, closed, forget, behind, resting, newest: (name) => sides[name].number };
 };
-Requests.PARTS = "state curve sensor3d field_lines stability vibration loop margins commands".split(" ");
+// those of the page's panels, and one that the section draws
+Requests.PARTS = [
+  ...new Set(["field_lines", ...Array.from(document.querySelectorAll("[data-part]"), ({ dataset }) => dataset.part)]),
+];
