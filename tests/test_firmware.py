@@ -280,6 +280,11 @@ def test_hostile_readings_under_sanitizers(chip, tmp_path):
     assert share > 5
 
 
+def test_rows_beside_the_step_of_first_touch_are_known(chip):
+    shift = np.array([[0.0, 0.0, -2e-4], [0.1, 0.0, 2e-4], [0.0, 0.0, -0.3], [0.2, -0.1, 0.05]])
+    assert firmware_check.beside_steps(chip.coder, shift).tolist() == [True, True, False, False]
+
+
 def test_the_calibration_of_the_study_knows_its_sensor(monkeypatch, tmp_path):
     """By few presses, with the mechanics of the surrogate; the row at rest tells the nulls."""
     take_surrogate(monkeypatch)
