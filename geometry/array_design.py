@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from geometry.arrays import Array
+from geometry.bad_input import closest
 from geometry.design import BadInput, Design
 
 POLARITIES = ("up", "checkerboard", "rows")
@@ -92,7 +93,11 @@ def poles_of(polarity: str | Sequence[str], rows: int, columns: int) -> Array:
         return np.asarray(1.0 - 2 * (odd % 2))
     listed = [polarity] if isinstance(polarity, str) else list(polarity)
     if unknown := [word for word in listed if word not in ("up", "down")]:
-        raise BadInput(f"polarity must be {', '.join(POLARITIES)}, or a list of up and down; got {unknown[0]!r}")
+        close = closest(unknown[0], [*POLARITIES, "down"])
+        raise BadInput(
+            f"polarity must be {', '.join(POLARITIES)}, or a list of up and down; got {unknown[0]!r}"
+            + (f": did you mean {close}?" if close else "")
+        )
     if len(listed) != rows * columns:
         raise BadInput(
             f"polarity lists {len(listed)} magnets, and {rows} x {columns} beams have {rows * columns}: give one for "

@@ -265,6 +265,7 @@ REFUSALS = {
     "--pitch 8": "beams overlap: the pitch must exceed D = 8 mm; got 8 mm",
     "--polarity up,down": "polarity lists 2 magnets, and 3 x 3 beams have 9: give one for each, row by row",
     "--polarity left": "polarity must be up, checkerboard, rows, or a list of up and down; got 'left'",
+    "--polarity chekerboard": "list of up and down; got 'chekerboard': did you mean checkerboard?",
     "--rows 1 --columns 1": "an array has two beams or more; got 1 x 1: raise rows or columns",
     "--rows 17": "rows of an array must lie between 1 and 16; got 17",
     "--pitch 8.5 --set c=4 --level finite": "S2 lies inside the beam of a neighbour at a pitch of 8.5 mm",
