@@ -17,6 +17,7 @@ from studies.calibration import (
     bench_file,
     calibrated_forces,
     calibration_file,
+    calibration_study,
     press_plan,
     sensor_fit,
     simulated_bench,
@@ -179,11 +180,15 @@ def test_a_plan_that_is_filled_in_is_a_bench(run, tmp_path):
     assert pd.read_csv("plan/plan.csv").S1_V.notna().all()
 
 
+def test_the_number_of_presses_is_refused_before_anything_is_solved(monkeypatch, refusal):
+    monkeypatch.delattr(calibration_study, "mechanics_of")
+    assert "must lie between 4 and 48; got -3" in refusal("bench", "paper", "--presses", "-3")
+
+
 @pytest.mark.parametrize(
     ("text", "options", "sentence"),
     [
         ("", ["--simulate"], "--simulate writes bench.csv and recording.csv: add --out FOLDER"),
-        ("", ["--presses", "3"], "the number of presses must lie between 4 and 48; got 3"),
         ("", ["--force-noise", "0"], "--force-noise must be above 0 N"),
         ("", ["--simulate", "--out", "o", "--seed", "-1"], "--seed must be 0 or more; got -1"),
         (

@@ -183,6 +183,8 @@ def plan(
 
     if not design.shape.has_magnet:
         raise BadInput("this design has no magnet (magnet_diameter is 0), so no bench of it has readings")
+    # refused before the mechanics take their time
+    _check_count(count, MOST_PRESSES)
     law, source, error = calibration_study.mechanics_of(design, responses, solves)
     noise, _ = calibration_study.noise_of(design)
     empty = Bench(pd.DataFrame({"run": []}), tuple(parts.columns(parts.of_design(design))), [])
@@ -210,8 +212,7 @@ def _plan_of(
             f"a press of {needed.force_z:.4g} N is beyond the mechanics of this design, which reach {largest:.3g} N: "
             "lower force_z in [requirements], or give --responses, states of finite elements under larger loads"
         )
-    if not FEWEST <= count <= most:
-        raise BadInput(f"the number of presses must lie between {FEWEST} and {most}; got {count}")
+    _check_count(count, most)
     shift, force, angle = (each[known] for each in (shift, force, angle))
     left, chosen, rest = list(range(len(shift))), list[int](), np.zeros((1, 3))
     found = calibrated_forces.planned(sensor, rest)
@@ -225,6 +226,11 @@ def _plan_of(
     load = force_and_load(sensor.mechanics, np.ascontiguousarray(shift[order].T), contact=False)[1].T + 0.0
     force, load = (np.vstack([rest, each]) for each in (force[order], load))
     return Plan(sensor, needed, *sources, force, load, np.append(math.nan, angle[order]), shift, before, found, lost)
+
+
+def _check_count(count: int, most: int) -> None:
+    if not FEWEST <= count <= most:
+        raise BadInput(f"the number of presses must lie between {FEWEST} and {most}; got {count}")
 
 
 def loads_of(needed: Requirements, count: int = PRESSES) -> Array:
