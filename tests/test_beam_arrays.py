@@ -18,6 +18,7 @@ from analytic.hall import field_at
 from analytic.inverse.forward_model import model, readings_with_slopes
 from analytic.magnet import repulsion
 from geometry.array_design import POLARITIES, ArrayDesign, poles_of
+from geometry.base import Base, plan
 from geometry.design import BadInput, paper
 from studies.cli import main
 from studies.sensing import crosstalk
@@ -199,13 +200,14 @@ def test_an_element_inside_a_neighbour_is_named():
 
 @pytest.fixture(scope="module")
 def study(tmp_path_factory):
-    """The verb's study of two beams, 12 mm apart, by a design file and options above it: record and folder."""
-    path, out = tmp_path_factory.mktemp("array") / "pads.toml", io.StringIO()
-    path.write_text('[array]\nrows = 1\ncolumns = 3\npitch = "12 mm"\npolarity = ["up", "down", "up"]\n', "utf-8")
+    """The verb's study of two beams, 12 mm apart, by a design file and options above it: record, folder, messages."""
+    path, out, err = tmp_path_factory.mktemp("array") / "pads.toml", io.StringIO(), io.StringIO()
+    grid = '[array]\nrows = 1\ncolumns = 3\npitch = "12 mm"\npolarity = ["up", "down", "up"]\n'
+    path.write_text(grid + '[fabrication]\nprocess = "sla"\n', "utf-8")
     words = [str(path), "--columns", "2", "--polarity", "up,down", "--level", "finite", "--out", str(path.parent)]
-    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(io.StringIO()):
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
         assert main(["array", *words, "--json"]) == 0
-    return json.loads(out.getvalue()), path.parent
+    return json.loads(out.getvalue()), path.parent, err.getvalue()
 
 
 @pytest.fixture(scope="module")
@@ -254,8 +256,14 @@ def test_the_nearest_neighbours_are_all_of_two_beams(record):
     assert all(row["error_N"] < 1e-9 for row in record["sparse"])
 
 
+def test_single_bases_are_as_wide_as_the_process_of_the_design_file_makes_them(study):
+    resin, filament = (2 * plan(DESIGN, Base(), process).half for process in ("sla", "fdm"))
+    assert f"{resin:.3g}" != f"{filament:.3g}"
+    assert f"single bases are {resin:.3g} mm wide: at a pitch of 12 mm" in study[2]
+
+
 def test_a_design_file_states_its_array_and_options_stand_above_it(study):
-    record, folder = study
+    record, folder, _ = study
     assert [record[name] for name in ("rows", "columns", "pitch_mm", "polarity")] == [1, 2, 12.0, "up,down"]
     assert {path.name for path in folder.iterdir()} >= set(crosstalk.FILES)
     assert (folder / "ARRAY.md").read_text("utf-8").startswith("# How the beams of an array")

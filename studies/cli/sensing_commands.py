@@ -11,7 +11,7 @@ from cyclopts import Parameter
 
 from geometry.design import BadInput
 from studies.cli.parameters import Call, verb
-from studies.inputs import option_groups
+from studies.inputs import option_groups, user_input
 from studies.inputs.option_groups import (
     Basis,
     Calibration,
@@ -23,7 +23,6 @@ from studies.inputs.option_groups import (
     SourceOfLoad,
     TiltSource,
 )
-from studies.inputs.user_input import say_no_effect
 from studies.output import atomic_files, console
 from studies.output.result import GOOD, Destination, Result, of_record, publish, show
 
@@ -140,7 +139,7 @@ def bench(call: Call, *, out: Path | None = None, options: option_groups.Plannin
         raise BadInput("--simulate writes bench.csv and recording.csv: add --out FOLDER")
     for name in ("seed", "reading_noise", "stand_zero", "stand_compliance", "accuracy"):
         if not options.simulate and getattr(options, name) != getattr(option_groups.Planning(), name):
-            say_no_effect(f"--{name.replace('_', '-')}", "it works with --simulate only")
+            user_input.say_no_effect(f"--{name.replace('_', '-')}", "it works with --simulate only")
     here = call.here(simulated_bench.FILES, [options.responses])
     design = call.design()
     made = parse_tolerances(options.tolerances or [], design, call.source)
@@ -440,7 +439,7 @@ def layout(call: Call, *, basis: Basis = Basis(), parts: LayoutParts = LayoutPar
     if parts.ranges and not parts.search:
         raise BadInput("--range sets the range of a search: add --search")
     if parts.count is not None and not parts.search:
-        say_no_effect("--count", "it works with --search only")
+        user_input.say_no_effect("--count", "it works with --search only")
     mechanics = partial(mechanics_sources.source_of, design, basis.source)
     return publish(partial(layout_report.run, design, mechanics, basis, parts), here)
 
@@ -471,6 +470,8 @@ def array(call: Call, *, options: option_groups.Arraying = option_groups.Arrayin
     subtracts their fields once, and of one that decodes all beams together, at random loads of the design's range on
     all beams. A table [array] of a design file has rows, columns, pitch (mm) and polarity.
     """
+    from geometry import base
+    from studies.fabrication.sensor_solids import parse_fabrication_choices
     from studies.parts.requirements import stated_requirements
     from studies.sensing import array_readings, crosstalk
     from studies.simulation import mechanics_sources
@@ -478,4 +479,7 @@ def array(call: Call, *, options: option_groups.Arraying = option_groups.Arrayin
     here = call.here(crosstalk.FILES, [options.source.responses])
     design, grid = call.design(), array_readings.grid_of(call.source, options)
     mechanics = partial(mechanics_sources.source_of, design, options.source)
-    return publish(partial(crosstalk.run, design, mechanics, grid, options, stated_requirements(call.source)), here)
+    needed, given = stated_requirements(call.source), user_input.fabrication_of(call.source)
+    choices = parse_fabrication_choices(option_groups.Fabrication(), given=given)
+    single_base = partial(base.plan, design, choices.base, choices.mold.process)
+    return publish(partial(crosstalk.run, design, mechanics, grid, options, needed, single_base), here)

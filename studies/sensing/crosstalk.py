@@ -26,7 +26,6 @@ from analytic.beam_arrays import BeamArray, beam_array, readings_of_array
 from analytic.decode import Decoder, decoder
 from analytic.inverse import response_surface
 from analytic.inverse.forward_model import model
-from geometry import base
 from geometry.array_design import POLARITIES
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
@@ -42,6 +41,7 @@ from studies.sensing.disturbances import Loads, loads_of, shifts_under
 if TYPE_CHECKING:
     import pandas as pd
 
+    from geometry.base import Plan
     from studies.inputs.option_groups import Arraying
     from studies.parts.requirements import Requirements
 
@@ -69,12 +69,14 @@ def run(
     grid: Grid,
     options: Arraying,
     needed: Requirements | None,
+    single_base: Callable[[], Plan],
     progress: Progress,
 ) -> Result:
     """Return cross-talk, errors and forces of the array, and errors over the pitch for each polarity.
 
     mechanics : gives the mechanics of the design, which may take some seconds.
     needed : what the design states as required; else the range is that of a press of 3 D/8 with a shear of D/8.
+    single_base : plans the base of a beam by itself.
     """
     # refused before the mechanics take their time
     pitch = grid.pitch_of(design)
@@ -141,7 +143,7 @@ def run(
         files={
             "array.png": lambda path: picture(path, rows, lambda table: figures(table, laws, design, options.error))
         },
-        warnings=[*[source.warning] * bool(source.warning), *loads.warnings, *_base_warning(design, pitch)],
+        warnings=[*[source.warning] * bool(source.warning), *loads.warnings, *_base_warning(single_base, pitch)],
     )
 
 
@@ -166,10 +168,10 @@ def _shown(record: dict[str, Any], rows: list[FlatRow]) -> list[Table | str]:
     ]
 
 
-def _base_warning(design: Design, pitch: float) -> list[str]:
+def _base_warning(single_base: Callable[[], Plan], pitch: float) -> list[str]:
     """Return a sentence where the bases of single sensors overlap at a pitch, mm."""
     try:
-        width = 2 * base.plan(design, base.Base()).half
+        width = 2 * single_base().half
     except BadInput as error:
         return [f"whether single bases have room at a pitch of {pitch:g} mm is not known: {error}"]
     if pitch >= width:
