@@ -295,6 +295,22 @@ def test_a_plot_has_units_bars_and_a_mark_for_each_answer(ask, tmp_path):
 
 
 @pytest.mark.parametrize(
+    ("models", "bars"),
+    [
+        (["quick", "finite"], "estimated errors of finite elements."),
+        (["surrogate", "finite"], "90 % intervals of the surrogate."),
+        (["quick", "surrogate"], "90 % intervals of the surrogate, estimated errors of finite elements."),
+        (["paper", "finite"], None),
+    ],
+)
+def test_a_plot_says_what_the_bars_of_its_own_models_are(ask, models, bars):
+    found = ask({"depth_mm": [0.5, 1.0]}, models, quantities=["force"])
+    title = plot(found, "depth_mm", "force_N").to_dict().get("title", {"text": []})["text"]
+    said = [text for text in title if text.startswith("Bars")]
+    assert said == ([f"Bars, where longer than the marker: {bars}"] if bars else [])
+
+
+@pytest.mark.parametrize(
     ("axes", "reason"),
     [
         ({"x": "depth", "y": "force_N"}, "x must be a column of the answers; got 'depth': did you mean depth_mm"),

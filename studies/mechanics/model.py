@@ -54,6 +54,7 @@ class Model:
         study has several. Columns of a kind without one begin with the model's name.
     solves : whether answers need solves, and so a store.
     states_errors : whether answers state errors, stability, and what is stored beside a response.
+    half_widths : what its half widths are, in words of a figure; none where it states no errors.
     decodes : whether the model is a level of the formulas by which readings can be decoded.
     columns : names of further columns of the kind, and their values where there is no answer.
     """
@@ -65,6 +66,7 @@ class Model:
     head: ClassVar[str] = ""
     solves: ClassVar[bool] = False
     states_errors: ClassVar[bool] = False
+    half_widths: ClassVar[tuple[str, ...]] = ()
     decodes: ClassVar[bool] = False
     columns: ClassVar[Mapping[str, Any]] = {}
 

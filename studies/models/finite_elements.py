@@ -34,6 +34,7 @@ class FemModel(Model):
     head = "fem"
     solves = True
     states_errors = True
+    half_widths = ("estimated errors of finite elements",)
 
     @classmethod
     def named(cls, name: str) -> FemModel | None:

@@ -21,6 +21,7 @@ class Surrogate(Model):
     names = ("surrogate",)
     words = "the surrogate of the finite elements"
     states_errors = True
+    half_widths = ("90 % intervals of the surrogate",)
 
     @property
     def order(self) -> tuple[float, ...]:

@@ -63,6 +63,7 @@ class Tolerance(Model):
     words = "for each case the cheapest model that is known to meet a tolerance"
     solves = True
     states_errors = True
+    half_widths = (*FemModel.half_widths, *Surrogate.half_widths)
     columns: ClassVar[Mapping[str, Any]] = {"chosen_model": "", "expected_error": math.nan}
 
     @classmethod

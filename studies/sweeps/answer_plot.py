@@ -6,7 +6,7 @@ names of the columns.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -26,9 +26,6 @@ from studies.sweeps.sweep_figures import in_words, log_spaced, value_of
 if TYPE_CHECKING:
     import altair as alt
     import pandas as pd
-
-BARS = "Bars, where longer than the marker: estimated errors of finite elements, 90 % intervals of the surrogate."
-"""What the bars of a chart are; what those of a column of the user's own are, the user knows."""
 
 
 def plot(answers: pd.DataFrame, x: str, y: str | Sequence[str], color: str = "") -> alt.LayerChart:
@@ -97,12 +94,19 @@ def plot(answers: pd.DataFrame, x: str, y: str | Sequence[str], color: str = "")
     drawn = drawn[drawn["drawn"] | drawn.get("failed", False)].drop(columns="drawn") if note else shown
     how = Axes(line=joined, log=log, bars=True)
     chart = alt.layer(*curves(drawn, quantity_name(x), label, how), data=drawn)
-    said = [BARS] if "low" in shown else []
+    said = _bars(set(tidy.loc[tidy["half_width"].notna(), "model"]), study)
     said += [*sweep_figures.marked(tidy, maps=False), *sweep_figures.unanswered(tidy)]
     said += [*sweep_figures.failures(answers), *note]
     chart = chart.properties(width=figures.WIDTH, height=figures.HEIGHTS[0])
     configured: alt.LayerChart = (chart.properties(title=figures.foot(said)) if said else chart).configure(**THEME)
     return configured
+
+
+def _bars(titles: Collection[str], study: SweepColumns) -> list[str]:
+    """Return what the bars of models are; what those of a column of the user's own are, the user knows."""
+    kinds = [study.kind(model) for model in study.models if study.title(model) in titles]
+    words = list(dict.fromkeys(text for kind in kinds for text in kind.half_widths))
+    return [f"Bars, where longer than the marker: {', '.join(words)}."] if words else []
 
 
 def _check(answers: pd.DataFrame, x: object, color: object, names: Sequence[object]) -> None:
