@@ -168,6 +168,15 @@ def calibration(bench, tmp_path_factory):
     return found, path
 
 
+def test_without_requirements_the_next_press_lies_within_the_largest_loads_of_the_rows(calibration, bench):
+    told = re.search(r"rows: (\S+) N with \((\S+), (\S+)\) N", calibration_study.advice(calibration[0]))
+    z, x, y = map(float, told.groups())
+    force = pd.read_csv(bench[1][0])[["Fx_N", "Fy_N", "F_z [N]"]].to_numpy()
+    # measured forces have noise, and the advice three and two digits
+    assert 0 < z < 1.02 * force[:, 2].max()
+    assert math.hypot(x, y) < 1.1 * np.hypot(force[:, 0], force[:, 1]).max()
+
+
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed")
 def test_a_calibrated_sensor_decodes_as_in_python_by_the_decoder_in_c(calibration, tmp_path):
     found, path = calibration

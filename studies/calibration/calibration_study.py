@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analytic import parts
-from analytic.inverse.response_surface import Mechanics, workspace
+from analytic.inverse.response_surface import Mechanics
 from geometry.arrays import Array, Ints
 from geometry.bad_input import SolveFailed
 from geometry.design import BadInput, Design
@@ -38,7 +38,7 @@ from studies.output.atomic_files import write_text
 from studies.output.figures import FREE, LOG, Figure, panels, rule, save, styles, thinned
 from studies.output.result import Result, Rows, Table
 from studies.parts.part_tolerances import Tolerances
-from studies.parts.requirements import LIGHTEST, Requirements, design_table, full_scale
+from studies.parts.requirements import Requirements, design_table, full_scale
 from studies.quantities import shown
 from studies.sensing.decode_readings import QUANTILE
 from studies.simulation import mechanics_sources
@@ -420,29 +420,28 @@ def _columns_of_elements(names: Sequence[str]) -> Iterator[tuple[str, Ints, Arra
 
 
 def advice(found: Fit, needed: Requirements | None = None) -> str:
-    """Return which next press would help most, in words: within the required loads, if there are any."""
-    within = ""
+    """Return which next press would help most, in words: within the required loads, or else those of the rows."""
     if needed is not None:
-        candidates, _, _ = calibrated_forces.poses_under(found, needed.loads(dense=True))
-        candidates = candidates[np.isfinite(candidates).all(axis=1)]
-        if not len(candidates):
-            return (
-                f"no next press is advised, since the mechanics of this calibration reach no required load, such as "
-                f"{LIGHTEST * needed.force_z:.3g} N"
-            )
-        within = " within the required loads"
+        loads, within = needed.loads(dense=True), "the required loads"
     else:
-        low, high = workspace(found.sensor.design, found.sensor.mechanics)
-        side, deep = 0.8 * high[0], 0.9 * low[2]
-        grid = [[0.0, 0.0, w] for w in (deep / 4, deep / 2, deep)]
-        grid += [[side * x, side * y, w] for w in (deep / 2, deep) for x, y in ((1, 0), (-1, 0), (0, 1), (0, -1))]
-        candidates = np.array(grid)
+        k, warmer = len(found.sensor.noise), np.zeros(len(found.shift))
+        force = found.sensor.predict(found.theta, found.shift, warmer)[:, k : k + 3]
+        press, aside = float(force[:, 2].max()), float(np.hypot(force[:, 0], force[:, 1]).max())
+        loads = np.array([[press / 4, 0], [press / 2, 0], [press, 0], [press / 2, aside], [press, aside]])
+        within = "the largest loads of the rows"
+    candidates, _, _ = calibrated_forces.poses_under(found, loads)
+    candidates = candidates[np.isfinite(candidates).all(axis=1)]
+    if not len(candidates):
+        return (
+            f"no next press is advised, since the mechanics of this calibration reach none within {within}, such as "
+            f"{loads[0, 0]:.3g} N"
+        )
     best, now, after = calibrated_forces.next_press(found, candidates, candidates)
     at = found.sensor.predict(found.theta, candidates[[best]], np.zeros(1))[0, len(found.sensor.noise) :]
     x, y, z = at[:3] + 0.0
     return (
-        f"the next press that helps most{within}: {z:.3g} N with ({x:.2g}, {y:.2g}) N along (x, y); it lowers the "
-        f"standard deviation of decoded forces from {shown(now, 'mN')} to {shown(after, 'mN')}"
+        f"the next press that helps most within {within}: {z:.3g} N with ({x:.2g}, {y:.2g}) N along (x, y); it "
+        f"lowers the standard deviation of decoded forces from {shown(now, 'mN')} to {shown(after, 'mN')}"
     )
 
 
@@ -461,7 +460,8 @@ def run(
     """Calibrate a sensor from files that a test stand recorded, by its model or by a regression.
 
     made : tolerances of the sensor, from which the priors follow.
-    needed : its requirements, within which the next press lies, and of which errors are percentages; None: all loads.
+    needed : its requirements, within which the next press lies, and of which errors are percentages; None: the
+        loads of the rows.
     command : command line of the study, for the one of the other decoder.
 
     Raises
