@@ -282,6 +282,9 @@ def test_design_gives_the_outer_size_or_says_why_not(run, strict):
     # L, and a base of the 1.57 mm thick S1 whose plate lies 2.2 mm below z = 0 and 0.5 mm below its marked face
     assert derived["assembled_size_mm"][2] == pytest.approx(9 + 2.2 - 0.5 + 1.57, abs=1e-12)
     assert "assembled size" in run("design", "paper")[1]
+    # a process that the file states
+    stated = strict(run("design", "fingertip", "--json")[1])[0]["derived"]
+    assert (stated["process_of_base"], "process_of_base" in derived) == ("sla", False)
     record = strict(run("design", "paper", "--set", "L=12", "--json")[1])[0]
     assert record["derived"]["assembled_size_mm"] is None
     assert any(

@@ -37,10 +37,11 @@ def design(call: Call, *, loaded: bool = False) -> int:
     from studies.simulation import design_summary
 
     of_design = user_input.read_design(call.source, call.sets)
-    choices = parse_fabrication_choices(Fabrication(), given=user_input.fabrication_of(call.source))
+    given = user_input.fabrication_of(call.source)
+    choices = parse_fabrication_choices(Fabrication(), given=given)
     needed = requirements.stated_requirements(call.source)
     rated = needed.rated if needed else None
-    study = design_summary.study(of_design, choices.base, choices.mold.process, rated, loaded=loaded)
+    study = design_summary.study(of_design, choices.base, given.get("process"), rated, loaded=loaded)
     return show(study, call.screen)
 
 

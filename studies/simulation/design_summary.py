@@ -32,7 +32,7 @@ def origin(name: str, design: Design) -> str:
 def study(
     design: Design,
     base: Base = Base(),
-    process: str = "fdm",
+    process: str | None = None,
     rated: tuple[float, float] | None = None,
     *,
     loaded: bool = False,
@@ -41,6 +41,7 @@ def study(
 
     Parameters
     ----------
+    process : that prints the base, if a file states one; the record has it then. None: no file does, and it is fdm.
     rated : required press force and force along the plate, N; None: none are stated.
     loaded : whether finite elements solve for the loaded beam where the store lacks it.
     """
@@ -54,11 +55,12 @@ def study(
     base_plan, base_limits_l0 = None, False
     # a design can have a field at the elements but no base that carries them, and the reverse
     try:
-        base_plan = plan(design, base, process)
+        base_plan = plan(design, base, process or "fdm")
     except BadInput as error:
         failures.append(f"the size of the assembled sensor is unknown: {error}")
         base_limits_l0 = isinstance(error, ShortOfBase)
     derived, unknown = derived_values(design, base_plan)
+    derived |= {"process_of_base": process} if process else {}
     gap = None
     if base_plan:
         with stores.opened(None, said=not loaded) as store:
