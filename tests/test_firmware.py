@@ -216,6 +216,7 @@ def test_a_rejected_field_gives_no_force_in_c_and_is_found_as_in_python(tmp_path
 ARRAY_LIBRARY = """
 #include "magtip_decoder.h"
 static magtip_array array;
+int size(void); int size(void) { return (int)sizeof array; }
 void set_up(void); void set_up(void) { magtip_array_set_up(&array); }
 void zero(float *r); void zero(float *r) { magtip_array_zero(&array, (float (*)[MAGTIP_ELEMENTS])r); }
 void step(float *r, float s, magtip_answer *a);
@@ -254,6 +255,7 @@ def test_an_array_in_c_subtracts_its_neighbours_once_as_python_does(tmp_path):
         loaded.step(ctypes.c_void_p(outputs.ctypes.data), 1e3, ctypes.byref(found))
         return np.array([list(one.shift) for one in found])
 
+    assert loaded.size() == firmware.state
     loaded.set_up()
     found = np.array([answers(frame) for frame in fields]).reshape(-1, 3)
     known = np.isfinite(expected.shift[:, 2]) & (expected.multiplicity == 1)

@@ -149,10 +149,10 @@ class Firmware:
 
     @property
     def state(self) -> int:
-        """Bytes of `magtip_sensor`."""
-        recent = time_series.RECENT
+        """Bytes of `magtip_sensor`, of an array those of all its beams."""
+        recent, beams = time_series.RECENT, 1 if self.array is None else len(self.array)
         count = len(self.tables.floats["rest"])
-        return 4 * (
+        return beams * 4 * (
             3 + 4 * count + recent * (count + 1) + 2 + 3 * len(self.tables.floats["branches"]) + 6 + self.is_warm
         )
 
