@@ -177,6 +177,27 @@ def _summed(pairs: Ints, values: Array) -> Array:
     return np.asarray(np.add.reduceat(values, starts).swapaxes(0, 1))
 
 
+def standing(forward: Forward, array: ArrayDesign) -> BeamArray:
+    """Return the beams of an array that can be built.
+
+    Raises
+    ------
+    BadInput
+        An element lies inside the beam of a neighbour, or the magnets snap together.
+    """
+    beams = of_array(forward, array)
+    if inside := beams.obstructed():
+        raise BadInput(
+            f"{inside} lies inside the beam of a neighbour at a pitch of {array.pitch:g} mm: take a larger pitch"
+        )
+    if not (margin := rest(beams).margin) > 0:
+        raise BadInput(
+            f"the magnets of neighbours snap together at a pitch of {array.pitch:g} mm (margin {margin:.2g}): magtip "
+            "array says from which pitch on they do not"
+        )
+    return beams
+
+
 def readings_in_poses(array: ArrayDesign, shift: Array, tilt: Array) -> tuple[Array, Array]:
     """Return the readings (n, k), T, of all beams in given poses, and the part of each beam's own magnet.
 

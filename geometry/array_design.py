@@ -93,7 +93,7 @@ def poles_of(polarity: str | Sequence[str], rows: int, columns: int) -> Array:
         return np.asarray(1.0 - 2 * (odd % 2))
     listed = [polarity] if isinstance(polarity, str) else list(polarity)
     if unknown := [word for word in listed if word not in ("up", "down")]:
-        close = closest(unknown[0], [*POLARITIES, "down"])
+        close = closest(str(unknown[0]), [*POLARITIES, "down"])
         raise BadInput(
             f"polarity must be {', '.join(POLARITIES)}, or a list of up and down; got {unknown[0]!r}"
             + (f": did you mean {close}?" if close else "")

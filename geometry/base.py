@@ -343,7 +343,7 @@ def array_base(array: ArrayDesign, choices: Base, process: str = "fdm") -> Solid
     if not gap >= WEB - CLOSE:
         raise BadInput(
             f"pockets and recesses of neighbours leave {gap:.3g} mm of the base between them, and {WEB:g} mm are "
-            f"needed: take a pitch of {array.pitch + WEB - gap:.4g} mm or more"
+            f"needed: take a pitch of {math.ceil(100 * (array.pitch + WEB - gap)) / 100:g} mm or more"
         )
     (west, south), (east, north) = array.places.min(axis=0).tolist(), array.places.max(axis=0).tolist()
     height, low = p.thickness + p.recess, -p.thickness

@@ -30,13 +30,13 @@ UNITS = {
     "MPa": "MPa", "mJ": "mJ", "N/mm": "N/mm", "kg/m3": "kg/m³", "mm/s": "mm/s", "Hz": "Hz", "s": "s", "ms": "ms",
     "us": "µs", "K": "K",
     "degC": "°C", "percent/K": "%/K",
-    "T": "T", "mT": "mT", "V": "V", "V/T": "V/T", "V/sqrt(Hz)": "V/√Hz", "MB": "MB",
+    "T": "T", "mT": "mT", "uT": "µT", "V": "V", "V/T": "V/T", "V/sqrt(Hz)": "V/√Hz", "MB": "MB",
 }  # fmt: skip
 """Units by their names, as people read them; the only table of its kind. Those that files of users may state are in
 `studies.inputs`."""
 FACTORS = {
-    "percent": 100.0, "percent/K": 100.0, "um": 1e3, "deg": 180.0 / math.pi, "mN": 1e3, "mT": 1e3, "ms": 1e3,
-    "us": 1e6,
+    "percent": 100.0, "percent/K": 100.0, "um": 1e3, "deg": 180.0 / math.pi, "mN": 1e3, "mT": 1e3, "uT": 1e6,
+    "ms": 1e3, "us": 1e6,
 }  # fmt: skip
 """Factors to units in which people read what is kept as a fraction, in mm, rad, N, T or s."""
 Number = TypeVar("Number", float, "Array")

@@ -275,7 +275,7 @@ REFUSALS = {
     "--iron below=1": "--iron below must lie farther than",
     "--ball 4,5,0,4": "overlaps the beam",
     "--rod 3,50,4,0,5,0,1,0": "--rod 3,50,4,0,5,0,1,0 overlaps the beam: move it out, or turn it",
-    "--rod 3,50,16,0,5,0,0,0": "the direction of the axis is 0; give one such as 0,1,0",
+    "--rod 3,50,16,0,5,0,0,0": "the direction of the axis is 0 or not finite; give one such as 0,1,0",
     "--rod 3,2,16,0,5,0,1,0": "--rod: the length must lie between 3 and 10000 mm; got 2 mm",
     "--gradient=-1": "--gradient must lie between 0 and 1e+06 uT/mm; got -1 uT/mm",
     "--ball 3,4": "--ball takes DIAMETER,X,Y,Z in mm; got '3,4'",

@@ -182,5 +182,6 @@ def text_of(expression: Expression, depth: int = 0) -> str:
         if isinstance(each, (list, tuple)):
             parts.append(("\n" + "  " * (depth + 1) if depth < 2 else "") + text_of(each, depth + 1))
         else:
-            parts.append(f"{each:.6f}".rstrip("0").rstrip(".") if isinstance(each, float) else str(each))
-    return f"({' '.join(parts)})".replace(" \n", "\n").replace("-0 ", "0 ").replace("-0)", "0)")
+            number = f"{each:.6f}".rstrip("0").rstrip(".") if isinstance(each, float) else str(each)
+            parts.append("0" if number == "-0" else number)
+    return f"({' '.join(parts)})".replace(" \n", "\n")

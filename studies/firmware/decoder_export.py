@@ -113,8 +113,8 @@ class Firmware:
         it is, in words: in the required loads, or in the workspace where nothing is required.
     rated : largest normal force of the sensor, and largest force along its plate, N.
     array : the beams, of which the sensor is one; None for a single sensor.
-    first_order : largest and median error of the force of an array, N, because its beams are not decoded jointly, at
-        random rated loads on all beams at once.
+    first_order : largest and median error of the force of an array, N, because its beams are not decoded jointly, and
+        the share of beams without a force, at random rated loads on all beams at once.
     """
 
     coder: Decoder
@@ -127,7 +127,7 @@ class Firmware:
     scale: tuple[float, float, str]
     rated: tuple[float, float]
     array: BeamArray | None = None
-    first_order: tuple[float, float] = (0.0, 0.0)
+    first_order: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     @property
     def percent(self) -> float:
@@ -152,8 +152,10 @@ class Firmware:
         """Bytes of `magtip_sensor`, of an array those of all its beams."""
         recent, beams = time_series.RECENT, 1 if self.array is None else len(self.array)
         count = len(self.tables.floats["rest"])
-        return beams * 4 * (
-            3 + 4 * count + recent * (count + 1) + 2 + 3 * len(self.tables.floats["branches"]) + 6 + self.is_warm
+        return (
+            beams
+            * 4
+            * (3 + 4 * count + recent * (count + 1) + 2 + 3 * len(self.tables.floats["branches"]) + 6 + self.is_warm)
         )
 
 
@@ -204,9 +206,7 @@ def prepare(
         # the share of made sensors beyond a row below this is at least DOUBTFUL
         limit = float(at_rest.of_made[-math.ceil(decode_tolerances.DOUBTFUL * len(at_rest.of_made))])
         rest = at_rest.inverse, limit
-    beams = None if array is None else beam_arrays.of_array(coder.forward, array)
-    if beams is not None and (inside := beams.obstructed()):
-        raise BadInput(f"{inside} lies inside the beam of a neighbour: take a larger pitch")
+    beams = None if array is None else beam_arrays.standing(coder.forward, array)
     code = code_of(coder, beams, calibrated=unsure is not None, warm=bool(warming))
     tables = _fitting(coder, room - code, code, flash, unsure, warming)
     errors = decoder_tables.errors_of(coder, tables)
@@ -223,8 +223,9 @@ def prepare(
     return firmware if beams is None else dataclasses.replace(firmware, first_order=_first_order(firmware, beams))
 
 
-def _first_order(firmware: Firmware, beams: BeamArray) -> tuple[float, float]:
-    """Return largest and median error of the force, N, of beams not decoded jointly, at random rated loads."""
+def _first_order(firmware: Firmware, beams: BeamArray) -> tuple[float, float, float]:
+    """Return largest and median error of the force, N, of beams not decoded jointly, at random rated loads, and the
+    share of the beams for which no force is found."""
     coder, n = firmware.coder, len(beams)
     assert coder.mechanics is not None
     random = np.random.default_rng(1).uniform(coder.low, coder.high, (TRIED + 8 * FRAMES * n, 3)).T
@@ -233,7 +234,8 @@ def _first_order(firmware: Firmware, beams: BeamArray) -> tuple[float, float]:
     found = reference_of_array(coder, beams, beam_arrays.readings_of_array(beams, shift)).force
     error = np.linalg.norm(found - force_and_load(coder.mechanics, shift.reshape(-1, 3).T.copy())[0].T, axis=1)
     known = error[np.isfinite(error)]
-    return (float(known.max()), float(np.median(known))) if len(known) else (math.nan, math.nan)
+    lost = 1 - len(known) / len(error) if len(error) else math.nan
+    return (float(known.max()), float(np.median(known)), lost) if len(known) else (math.nan, math.nan, lost)
 
 
 def reference_of_array(coder: Decoder, beams: BeamArray, fields: Array) -> Decoded:
@@ -657,12 +659,13 @@ def run(
             f"{wide:.0f} K more or less"
         )
     if firmware.array is not None:
-        worst, median = firmware.first_order
+        worst, median, lost = firmware.first_order
         record |= {"beams": len(firmware.array), "first_order_N": worst, "first_order_median_N": median}
+        record["first_order_no_force_percent"] = 100 * lost
         remarks.append(
             f"magtip_array_step decodes {len(firmware.array)} beams to first order, which adds an error of up to "
-            f"{worst:.2g} N, {median:.2g} N in the median, at random rated loads on all beams at once; the test "
-            "vectors and the sketch are those of one beam"
+            f"{worst:.2g} N, {median:.2g} N in the median, at random rated loads on all beams at once, under which "
+            f"{100 * lost:.2g} % of the beams have no force; the test vectors and the sketch are those of one beam"
         )
     return Result(
         title="Firmware",

@@ -109,7 +109,7 @@ at_least, at_most = partial(Criterion, 1), partial(Criterion, -1)
 
 def _of_press(of: Figures, needed: Requirements) -> Array:
     reached = np.where(of["range_z"] > 0, of["range_z"] / needed.force_z, np.nan)
-    return np.asarray(np.fmin(np.fmax(of["reach"], reached) - 1, MOST))
+    return np.asarray(np.minimum(np.fmax(of["reach"], reached) - 1, MOST))
 
 
 def _of_decoding(of: Figures, needed: Requirements) -> Array:
@@ -119,7 +119,9 @@ def _of_decoding(of: Figures, needed: Requirements) -> Array:
 def _of_ambient(of: Figures, needed: Requirements) -> Array:
     # a turn by an angle changes a field by the chord
     chord = 2 * np.sin(np.radians(needed.ambient_turn) / 2)
-    return np.asarray(of["ambient"] * needed.ambient_field * chord)
+    change = needed.ambient_field * chord
+    # no field moves no force, also where a field would move it without a bound
+    return np.asarray(of["ambient"] * change) if change else np.where(np.isnan(of["ambient"]), np.nan, 0.0)
 
 
 def _key(default: Any, text: str, example: str = "", *, unit: str = "1", **more: Any) -> Any:

@@ -206,17 +206,7 @@ class ArrayDecoder:
     def __init__(
         self, array: ArrayDesign, coder: Decoder, statuses: Callable[[Frame], list[Status]], jitter: float = 0.0
     ) -> None:
-        beams = beam_arrays.of_array(coder.forward, array)
-        if inside := beams.obstructed():
-            raise BadInput(
-                f"{inside} lies inside the beam of a neighbour at a pitch of {array.pitch:g} mm: take a larger pitch"
-            )
-        if not (margin := beam_arrays.rest(beams).margin) > 0:
-            raise BadInput(
-                f"the magnets of neighbours snap together at a pitch of {array.pitch:g} mm (margin {margin:.2g}): "
-                "magtip array says from which pitch on they do not"
-            )
-        self.stream = ArrayStream(coder, beams, jitter)
+        self.stream = ArrayStream(coder, beam_arrays.standing(coder.forward, array), jitter)
         self._statuses, self._shape = statuses, (len(array), len(coder.forward.elements))
         self.columns = (*NET, *(f"b{k}_{name}" for k in range(1, len(array) + 1) for name in FOUND))
 

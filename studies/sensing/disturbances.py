@@ -124,7 +124,6 @@ def run(
         progress(k / (len(chosen) + 1), one.name)
         rows.append(_row(coder, one, loads, full))
     progress(len(chosen) / (len(chosen) + 1), "warming")
-    quantity("--null-drift", options.null_drift or 0.0, "uT/K", 0.0, 1e6)
     warmed = warming(coder, loads, options, full)
     far = {field: surroundings.reach(design, field * 1e-3) for field in (0.5, 0.1)}
     price = _price(coder, design, loads) if options.reject_ambient else 1.0
@@ -374,6 +373,7 @@ def disturbances(design: Design, options: Disturbing) -> list[Disturbance]:
     if not options.warming:
         raise BadInput("--warming must not be 0: give the change of the temperature in K")
     quantity("--gradient", options.gradient, "uT/mm", 0.0, 1e6)
+    quantity("--null-drift", options.null_drift or 0.0, "uT/K", 0.0, 1e6)
     fields = [surroundings.uniform(1e-6 * ambient * v) for v in DIRECTIONS]
     middle = plates_of(of_design(design))[0].mean(axis=0)
     # as on the axis of a dipole: half as large, and reversed, across it
@@ -433,8 +433,8 @@ def _rod(design: Design, text: str, mu: float) -> Disturbance:
     quantity("--rod: the diameter", diameter, "mm", 1e-3, 1e3)
     quantity("--rod: the length", length, "mm", diameter, 1e4)
     size = float(np.linalg.norm(axis))
-    if not size > 0:
-        raise BadInput(f"--rod {text}: the direction of the axis is 0; give one such as 0,1,0")
+    if not 0 < size < math.inf:
+        raise BadInput(f"--rod {text}: the direction of the axis is 0 or not finite; give one such as 0,1,0")
     along = place + np.linspace(-1, 1, 101)[:, None] * (length - diameter) / 2 * axis / size
     if not all(_outside(design, x, y, z, diameter / 2) for x, y, z in along.tolist()):
         raise BadInput(f"--rod {text} overlaps the beam: move it out, or turn it")
