@@ -68,6 +68,7 @@ class Criterion:
     gives : whether advice may loosen the bound.
     varies : whether the value differs between made sensors of one design.
     softest : whether it is worst at the least E, whatever the load.
+    worst : the figure at whose worst load a value that is a function is worst.
     name, unit : of the requirement, and the unit in which values are shown (`studies.quantities.UNITS`).
     """
 
@@ -79,6 +80,7 @@ class Criterion:
     gives: bool = True
     varies: bool = True
     softest: bool = False
+    worst: str = ""
     name: str = ""
     unit: str = "1"
 
@@ -180,7 +182,7 @@ class Requirements:
         criterion=at_most("drift of the forces per K, of full scale", "drift"))
     ambient_error: float | None = _number(
         "N", 1e-9, 1e4, "error of the decoded force by a uniform field, after a turn", '"20 mN"', shown="mN",
-        criterion=at_most("error by a uniform field", _of_ambient))
+        criterion=at_most("error by a uniform field", _of_ambient, worst="ambient"))
     ambient_field: float = _number(
         "T", 0, 1e-2, "of ambient_error; default: that of the earth at most places", '"50 uT"', default=50e-6)
     ambient_turn: float = _number(
@@ -191,7 +193,7 @@ class Requirements:
     temperature_error: float | None = _number(
         "N", 1e-9, 1e4, "error of the decoded force by temperature_change, untared", '"1 N"', shown="mN",
         criterion=at_most("error by the temperature",
-                          lambda of, needed: of["warming"] * needed.temperature_change))
+                          lambda of, needed: of["warming"] * needed.temperature_change, worst="warming"))
     temperature_change: float = _number("K", 0.01, 200, "of temperature_error", '"10 K"', default=10.0)
     hysteresis: float | None = _number(
         "1", 1e-4, 1.0, "gap of loading and unloading at mid-stroke, over full scale", '"10 %"', shown="percent",

@@ -139,8 +139,14 @@ def margins(design: Design, needed: Requirements | None) -> Data:
         return refusal(str(error))
     variant = variant_of(design, needed)
     rows = [_row(*each, result, variant, needed) for each in needed.criteria()]
-    missed = sum(float(margin[0]) < 0 for margin in result.margins.values())
-    verdict = f"{missed} of {len(rows)} requirements missed" if missed else "All requirements are met"
+    reached = [float(margin[0]) for margin in result.margins.values()]
+    # what is not known has the least margin, which no known one has
+    unknown = reached.count(candidate_performance.LEAST)
+    missed = sum(margin < 0 for margin in reached) - unknown
+    counts = [f"{missed} of {len(rows)} requirements missed"] * bool(missed) + [f"{unknown} not known"] * bool(
+        unknown
+    )
+    verdict = ", ".join(counts) or "All requirements are met"
     E, magnet, range_z = variant.silicone, variant.magnet, float(result.values["range_z"][0])
     kept = f" Strain, stability and saturation hold up to {range_z:.3g} N." if range_z > 0 else ""
     return {
@@ -159,6 +165,8 @@ def _row(criterion: Criterion, bound: float, result: Performance, variant: Varia
     text = f"{share} left" if margin >= 0 else f"missed by {share}"
     if math.isnan(value):
         text = "not known: no noise is given" if name.startswith("resolution") else "not known"
+    elif math.isinf(value) and margin < 0:
+        text = "missed without a bound"
     elif name in ("no_saturation", "clearance"):
         text = "met" if margin >= 0 else "missed"
     name_and_bound = f"{criterion.words}, at {'least' if criterion.way > 0 else 'most'} {scale * bound:.4g}"
@@ -168,7 +176,7 @@ def _row(criterion: Criterion, bound: float, result: Performance, variant: Varia
 
 def _corner(criterion: Criterion, result: Performance, variant: Variant) -> str:
     """Return the sensor and the load at which a figure is worst; "" where it is the same for all."""
-    silicone, magnet, figure = variant.silicone, variant.magnet, criterion.figure
+    silicone, magnet, figure = variant.silicone, variant.magnet, criterion.worst or criterion.figure
     if criterion.softest:
         return f"E = {silicone.E_low:.3g} MPa"
     at = int(result.worst[figure][0]) if figure in result.worst else -1
