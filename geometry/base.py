@@ -135,6 +135,11 @@ class Plan:
     openings: tuple[Block, ...]
     marks: tuple[Block, ...] = ()
 
+    @property
+    def widest_tab(self) -> float:
+        """Width of the widest tab of a board beside the base, mm."""
+        return 2 * self.half * (0.9 if self.is_round else 1.0)
+
 
 def plan(design: Design, base: Base, process: str = "fdm") -> Plan:
     """Return the positions and sizes of all features of the base, mm.

@@ -253,7 +253,7 @@ def _seat(plan: Plan, process: Process, f: Fixture) -> list[Solid]:
 
     ring = cut(outline(edge + RIM, f.top, f.seat + LIP), outline(edge, f.seat, f.seat + LIP))
     # as wide as the widest tab
-    wide = (0.9 if plan.is_round else 1.0) * plan.half
+    wide = plan.widest_tab / 2
     gate = Block((-wide, -2 * plan.half, f.top), (2 * wide, 2 * plan.half, ROOM + LIP)).solid()
     return list(ring.cut(outline(inner, f.top, f.seat), gate).solids())
 

@@ -262,7 +262,7 @@ TAB = 6.0
 
 def _header(plan: Plan, nets: Sequence[str], aim: float) -> Header:
     """Return the header nearest to x = aim, of the coarsest pitch that fits."""
-    room = 2 * plan.half * (0.9 if plan.is_round else 1.0) - 2 * EDGE
+    room = plan.widest_tab - 2 * EDGE
     for pitch in (2.54, 1.27):
         if (wide := tab_width(len(nets), pitch)) <= room:
             most = (room - wide) / 2

@@ -34,6 +34,7 @@ import numpy as np
 
 from geometry.arrays import Array
 from geometry.design import BadInput
+from studies.sensing.decode_readings import QUANTILE
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -53,8 +54,6 @@ SMOOTHNESS = 0.5
 """Correlation length of the error functions, over the range of an input: the error of a fitted model is smooth."""
 FEATURES = 64
 """Number of cosines of an error function."""
-NORMAL_90 = 1.6449
-"""Half width of a 90 % interval over the standard deviation of a normal distribution."""
 MOST_POINTS = 2_000_000
 """Largest number of points; more are taken for a mistake."""
 LEVELS = 4
@@ -174,7 +173,7 @@ def error_variants(
     """
     if half_width is None or not np.nanmax(half_width, initial=0.0) > 0:
         return []
-    deviation = np.where(np.isfinite(half_width), half_width, 0.0) / NORMAL_90
+    deviation = np.where(np.isfinite(half_width), half_width, 0.0) / QUANTILE
     count = len(values) // (len(ranges) + 2)
     # an input that the error does not depend on has an infinite length
     scales = np.array([

@@ -40,6 +40,7 @@ from studies.cases import FiniteElements
 from studies.output.goals import Goal
 from studies.output.result import Result, Table
 from studies.parts.part_tolerances import tolerances
+from studies.sensing.decode_readings import QUANTILE
 from studies.sensitivity.made_sensors import MadeSensors, made_sensors
 from studies.simulation.solved_beams import SolvedBeams
 from studies.validation import pages
@@ -202,7 +203,13 @@ def _judge(
     score |= _judged_regression(base, rows, true)
     truth = truth_of(made, un, base)
     unknowns = [
-        {"name": name, "true": truth[name], "value": v, "deviation": d, "inside": abs(v - truth[name]) <= 1.6449 * d}
+        {
+            "name": name,
+            "true": truth[name],
+            "value": v,
+            "deviation": d,
+            "inside": abs(v - truth[name]) <= QUANTILE * d,
+        }
         for name, v, d in zip(un.names, found.theta.tolist(), found.deviation.tolist(), strict=True)
         if name in truth
     ]
