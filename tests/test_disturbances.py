@@ -207,18 +207,20 @@ def test_a_hotter_sensor_is_stiffer_by_the_absolute_temperature(run):
 
 def test_per_kelvin_all_is_the_sum_of_its_causes_and_nulls_drift_by_what_is_stated(run):
     found = record(run, "--warming", "1", "--null-drift", "3")["warming"]
-    *causes, known = [each["press_N_per_K"] for each in found]
+    *causes, known, left = [each["press_N_per_K"] for each in found]
     # nulls drift to either side
     assert causes.pop(2) is None
     assert known == pytest.approx(sum(causes), rel=0.01)
     assert min(map(abs, causes)) > 1e-3
+    # what the temperature corrects is all but the expansions
+    assert left == pytest.approx(sum(causes[-2:]), rel=0.01)
     # taring removes a drift
     assert found[2]["tared_N"] < 1e-3 * found[2]["error_N"]
     # what is not stated is not known, and is in no sum
     unknown = record(run, "--warming", "1")["warming"]
     assert unknown[2]["error_N"] is None
-    assert unknown[-1]["press_N_per_K"] == pytest.approx(known, rel=1e-9)
-    assert unknown[-1]["error_N"] < found[-1]["error_N"] < unknown[-1]["error_N"] + 1.01 * found[2]["error_N"]
+    assert unknown[-2]["press_N_per_K"] == pytest.approx(known, rel=1e-9)
+    assert unknown[-2]["error_N"] < found[-2]["error_N"] < unknown[-2]["error_N"] + 1.01 * found[2]["error_N"]
 
 
 def test_what_the_mechanics_do_not_reach_is_said_and_has_no_error(run, toml):

@@ -260,14 +260,16 @@ def _row(coder: Decoder, one: Disturbance, loads: Loads, full: float) -> FlatRow
     )
 
 
-def _errors(coder: Decoder, name: str, readings: Array, loads: Loads, full: float) -> FlatRow:
+def _errors(coder: Decoder, name: str, readings: Array, loads: Loads, full: float, stiffer: float = 1.0) -> FlatRow:
     """Return worst and median error of the force of readings (..., n, k), T, over those with a force, N.
 
-    And the shares of readings without a force, and with another status than ok, %.
+    And the shares of readings without a force, and with another status than ok, %. The silicone is `stiffer` times as
+    stiff as the decoder's, which is known.
     """
     rows = readings.reshape(-1, readings.shape[-1])
     found = decode(coder, rows)
-    error = np.linalg.norm(found.force - np.tile(loads.force, (len(rows) // len(loads.force), 1)), axis=1)
+    error = stiffer * found.force - np.tile(loads.force, (len(rows) // len(loads.force), 1))
+    error = np.linalg.norm(error, axis=1)
     known = error[np.isfinite(error)]
     # of a disturbance that leaves hardly any force, the few that are left tell nothing
     said = len(known) >= ENOUGH * len(error) and len(known) > 0
@@ -289,6 +291,9 @@ def warming(coder: Decoder, loads: Loads, options: Disturbing, full: float) -> l
     side that moves a force most; the silicone below the magnet's centre expands and lifts it, the base expands and
     takes the elements along. What a magnet loses for good is not modelled, and the loads are held. Tared: at rest at
     the new temperature. To first order the signed error of the largest press is the sum of its causes without nulls.
+
+    Where the temperature is known, such as from the chips, the readings are divided by what remanence and gain have
+    become, and the force is multiplied by what the modulus has; the drift of a chip's gain has no known sign.
     """
     design, kelvin = coder.forward.design, options.warming
     warm = replace(design, temperature=design.temperature + kelvin)
@@ -309,23 +314,30 @@ def warming(coder: Decoder, loads: Loads, options: Disturbing, full: float) -> l
     of_nulls = "no data sheet states their drift" if nulls is None else f"{options.null_drift:g} uT/K, to either side"
     known_gain, known_nulls = 1.0 if math.isnan(gain) else gain, 0.0 if nulls is None else nulls[:, None]
     still = loads.readings(free)
-    # readings, and what is added to them with either sign
-    causes: dict[str, tuple[Array, Array | float]] = {
-        f"remanence ({design.remanence_drift:g} %/K)": (magnet * still, 0.0),
-        told: (gain * still, 0.0),
-        f"nulls of the elements ({of_nulls})": (still, math.nan if nulls is None else known_nulls),
-        f"modulus ({shown((stiff - 1) / kelvin, 'percent/K', 2)})": (loads.readings(softer), 0.0),
-        f"expansion of the silicone ({SILICONE_EXPANSION:g} /K)": (loads.readings(free + lift), 0.0),
-        f"expansion of the base ({BASE_EXPANSION:g} /K)": (wider.readings(free), 0.0),
-        "all that is known": (magnet * known_gain * wider.readings(softer + lift), known_nulls),
+    everything = magnet * known_gain * wider.readings(softer + lift)
+    corrected = magnet * (known_gain if three else 1.0)
+    # readings, and what is added to them with either sign; behind them what the decoder knows of the modulus
+    causes: dict[str, tuple[Array, Array | float, float]] = {
+        f"remanence ({design.remanence_drift:g} %/K)": (magnet * still, 0.0, 1.0),
+        told: (gain * still, 0.0, 1.0),
+        f"nulls of the elements ({of_nulls})": (still, math.nan if nulls is None else known_nulls, 1.0),
+        f"modulus ({shown((stiff - 1) / kelvin, 'percent/K', 2)})": (loads.readings(softer), 0.0, 1.0),
+        f"expansion of the silicone ({SILICONE_EXPANSION:g} /K)": (loads.readings(free + lift), 0.0, 1.0),
+        f"expansion of the base ({BASE_EXPANSION:g} /K)": (wider.readings(free), 0.0, 1.0),
+        "all that is known": (everything, known_nulls, 1.0),
+        "what is left of it where the temperature is known": (
+            everything / corrected,
+            known_nulls / corrected,
+            stiff,
+        ),
     }
     rest, rows = still[:1], []
-    for name, (signed, either) in causes.items():
+    for name, (signed, either, stiffer) in causes.items():
         readings = signed + either
-        found = _errors(coder, "error", readings, loads, full)
-        found |= _errors(coder, "tared", readings - readings[..., :1, :] + rest, loads, full)
+        found = _errors(coder, "error", readings, loads, full, stiffer)
+        found |= _errors(coder, "tared", readings - readings[..., :1, :] + rest, loads, full, stiffer)
         per_kelvin = {f"{key}_per_K": found[key] / abs(kelvin) for key in ("error_N", "tared_N")}
-        press = math.nan if signed is still else _of_press(coder, signed, loads)
+        press = math.nan if signed is still else _of_press(coder, signed, loads, stiffer)
         per_kelvin["press_N_per_K"] = press / kelvin
         rows.append({"cause": name} | per_kelvin | found)
     return rows
@@ -354,11 +366,12 @@ def _null_shifts(coder: Decoder, loads: Loads, options: Disturbing) -> Array | N
     return 1e-6 * options.null_drift * options.warming * signs
 
 
-def _of_press(coder: Decoder, readings: Array, loads: Loads) -> float:
-    """Return the signed error of the normal force of the largest upright press, N, from readings (n, k), T."""
+def _of_press(coder: Decoder, readings: Array, loads: Loads, stiffer: float) -> float:
+    """Return the signed error of the normal force of the largest upright press, N, from readings (n, k), T; `stiffer`
+    is that of `_errors`."""
     upright = np.where(loads.force[:, :2].any(axis=1), -1.0, loads.force[:, 2])
     row = int(upright.argmax())
-    return float(decode(coder, readings[row : row + 1]).force[0, 2] - loads.force[row, 2])
+    return float(stiffer * decode(coder, readings[row : row + 1]).force[0, 2] - loads.force[row, 2])
 
 
 # What surrounds the sensor
