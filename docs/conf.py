@@ -22,7 +22,7 @@ version = release = reference_pages.version()
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
 root_doc = "docs/index"
 include_patterns = ["*.md", "*/README.md", "studies/**.md", "docs/**.md", "results/**.md"]
-exclude_patterns = [".*", "node_modules", "out", "tests", "**/__pycache__"]
+exclude_patterns = ["docs/verbs", ".*", "node_modules", "out", "tests", "**/__pycache__"]
 html_theme = "furo"
 html_title = f"magtip {version}"
 html_additional_pages = {"index": "index.html"}
@@ -68,6 +68,8 @@ def folders_as_text(app, doctree):
 def drawn_pictures(app, docname, source):
     """Show the pictures that the blocks of a document have drawn, and let a tutorial be downloaded as a notebook."""
     path = Path(app.env.doc2path(docname))
+    # the hand-written part of a verb's page is a page of its own in the repository only
+    source[0] = re.sub(r"\]\(((?:\.\./)*(?:docs/)?)verbs/", r"](\1reference/verb/", source[0])
     run = documented_commands.PICTURES if path.parent == reference_pages.FOLDER / "verb" else path
     if path in documented_commands.TUTORIALS:
         notebooks.write(path, reference_pages.FOLDER)

@@ -106,7 +106,15 @@ def of_verb(verb: str) -> dict[str, object]:
     intro, options = re.split(r"^(?=\*\*Arguments|\*\*Parameters|## )", text, maxsplit=1, flags=re.M)
     shown = dict(re.findall(r"^## (\w+)\n(.*?)(?=^## |\Z)", PICTURES.read_text("utf-8"), flags=re.M | re.S))
     result = shown.get(verb, "").replace("](../", "](../../../").strip()
-    return {"verb": verb, "intro": intro.strip(), "options": options, "tasks": here, "result": result}
+    about = {"verb": verb, "intro": intro.strip(), "options": options, "tasks": here, "result": result}
+    return about | {"keys": keys_of(verb)}
+
+
+def keys_of(verb: str) -> str:
+    """Return the hand-written part of a verb's page, below its title, or nothing."""
+    path = DOCS / "verbs" / f"{verb}.md"
+    text = path.read_text("utf-8").partition("\n")[2].strip() if path.exists() else ""
+    return re.sub(r"^##", "###", text, flags=re.M).replace("](../", "](../../")
 
 
 VALUES = {

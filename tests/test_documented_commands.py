@@ -15,7 +15,7 @@ from studies.inputs import study_input, user_input
 
 READMES = [ROOT / name / "README.md" for name in (".", "geometry", "fem", "analytic", "studies", "results")]
 READMES += [path for path in sorted((ROOT / "docs").glob("*.md")) if path != PICTURES]
-READMES += sorted((ROOT / "docs" / "explanation").glob("*.md"))
+READMES += sorted((ROOT / "docs" / "explanation").glob("*.md")) + sorted((ROOT / "docs" / "verbs").glob("*.md"))
 COMPILED = ROOT / "docs" / "tutorials" / "bench_to_robot.md"
 INLINE = re.compile(r"`((?:magtip|python -m) [^`]+)`")
 

@@ -218,7 +218,7 @@ def _notes(design: Design, load: Load, at_rest: Design, elements: Elements, stor
 
 
 def report_motion(sensor: VibratingSensor, at: At, curves: Curves, load: Load, coarse: Curves | None) -> FlatRow:
-    """Return the record of one motion, whose keys studies/README.md describes; values that do not exist are None.
+    """Return one motion, whose keys docs/verbs/response.md describes; a value that does not exist is None.
 
     About the free sensor the base is shaken, and there is no force. Lists over elements have the order of `element`.
     """
