@@ -233,7 +233,9 @@ def test_stream_and_decode_agree_behind_a_frozen_element(calibration):
     noisy = dataclasses.replace(sensor, design=dataclasses.replace(sensor.design, hall_noise=3e-4))
     found = dataclasses.replace(calibration[0], sensor=noisy)
     shift = np.stack([0 * times, 0 * times, -0.3 + 0.2 * np.sin(times)])
-    series = decoder_export.outputs_at(calibrated_forces.coder_of(found), shift) + 3e-4 * rng.normal(size=(80, 3))
+    series = decoder_export.outputs_at(calibrated_forces.coder_of(found, warm=True), shift) + 3e-4 * rng.normal(
+        size=(80, 3)
+    )
     series[30:55, 1] = series[30, 1]
     rows = list(live_stream.Calibrated(found, 0.0, warm=False).rows(times.tolist(), series, np.full(80, np.nan)))
     decoded = calibration_file.decoded_rows(found, series, times, np.zeros(80))
@@ -246,7 +248,10 @@ def test_stream_and_decode_agree_behind_a_frozen_element(calibration):
 def test_a_row_without_a_time_has_an_interval_that_holds_for_any_speed(calibration):
     found = calibration[0]
     shift = np.array([[0.0, 0.0, 0.0], [0.1, 0.0, -0.4], [0.2, 0.0, -0.8]])
-    volts, nothing = decoder_export.outputs_at(calibrated_forces.coder_of(found), shift.T), np.full(3, np.nan)
+    volts, nothing = (
+        decoder_export.outputs_at(calibrated_forces.coder_of(found, warm=True), shift.T),
+        np.full(3, np.nan),
+    )
 
     def rows(times):
         decoder = live_stream.Calibrated(found, 0.0, warm=False)

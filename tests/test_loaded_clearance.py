@@ -56,7 +56,7 @@ def test_screws_beside_the_beam_have_heads(store):
     ("value", "said"), [(0.2, None), (0.05, "may touch S2"), (-0.05, "may touch S2"), (-0.2, "reaches 0.2")]
 )
 def test_a_gap_within_its_error_is_no_verdict(value, said):
-    found = clearance.warning(clearance.Gap(value, 0.1, "S2", "a press"))
+    found = clearance.warning(clearance.Gap(value, 0.1, "a press", "S2"))
     assert (said in found[0]) if said else found == []
 
 
@@ -87,7 +87,7 @@ def test_a_stored_skin_answers_for_other_places_of_the_elements(store):
     (said,) = clearance.room(far)
     words = "Under a press of 3 mm with a shear of 1 mm the beam keeps"
     assert said.startswith(f"{words} {far.value:.2g} +-0.1 mm of room to {far.obstacle}, by finite elements")
-    assert gap_of(dataclasses.replace(paper(), L=9.5), store, solve=False).obstacle == clearance.UNSOLVED
+    assert gap_of(dataclasses.replace(paper(), L=9.5), store, solve=False).why == clearance.UNSOLVED
 
 
 def test_design_says_the_gap_that_is_stored_and_how_to_solve_for_another(run, strict, store, monkeypatch):

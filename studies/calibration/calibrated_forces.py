@@ -62,7 +62,7 @@ class DecodedForces:
 
 
 @functools.lru_cache(maxsize=4)
-def coder_of(found: Fit, *, warm: bool = True) -> Decoder:
+def coder_of(found: Fit, *, warm: bool) -> Decoder:
     """Return the decoder of an estimated sensor, with its elements, its magnet and its forces, at T_0.
 
     The ambient field is in the nulls of the elements. A normal force counts as none where its interval says so.
@@ -138,7 +138,7 @@ def ambient_of(found: Fit) -> dict[str, float]:
 def fields_of(found: Fit, readings: Array, warmer: Array) -> Array:
     """Return the field of the magnet at T_0 that readings (n, k), in the elements' unit, say for dT (n,), in T."""
     warmer = np.nan_to_num(warmer)
-    field = decoding.field_of(coder_of(found).forward.elements, readings)
+    field = decoding.field_of(coder_of(found, warm=True).forward.elements, readings)
     ambient = np.array(list(ambient_of(found).values()))
     gain, remanence = (
         1 + found.sensor.value(found.theta, name) * warmer for name in ("gain_per_K", "remanence_per_K")
@@ -166,7 +166,7 @@ def decode(found: Fit, readings: Array, warmer: Array, offset: Array | None = No
 def ambient_columns(found: Fit, fields: Array, shift: Array, warmer: Array, *, zeroed: bool) -> Array:
     """Return `decode_readings.AMBIENT_COLUMNS` (n, 6) of fields of the magnet (n, k), T, and shifts (n, 3) decoded
     from them; (n, 0) where no field is rejected. Half widths are by the noise and by what is left unknown."""
-    columns = decode_readings.ambient_columns(coder_of(found), fields, shift)
+    columns = decode_readings.ambient_columns(coder_of(found, warm=True), fields, shift)
     known = np.isfinite(shift[:, 2])
     if not columns.shape[1] or not known.any():
         return columns

@@ -379,7 +379,10 @@ def decoded_rows(
     words, force, half, shift, load, ambient = decoded_arrays(found, readings, warmer, offset)
     columns, numbers = DECODED, [force, half, shift]
     if times is not None:
-        coder, field = calibrated_forces.coder_of(found), calibrated_forces.fields_of(found, readings, warmer)
+        coder, field = (
+            calibrated_forces.coder_of(found, warm=True),
+            calibrated_forces.fields_of(found, readings, warmer),
+        )
         total, words, relaxing = decode_readings.over_time(coder, field, times, force, load, words)
         numbers = [
             total,
@@ -540,7 +543,7 @@ def _rows(
     if at_rest is not None:
         within = readings_within(design, readings[at_rest])
         rest = calibrated_forces.fields_of(found, within, warmer[at_rest])
-        offset = zero_offset(calibrated_forces.coder_of(found), rest)
+        offset = zero_offset(calibrated_forces.coder_of(found, warm=True), rest)
         said += calibrated_forces.zero_doubts(found, offset, warm=bool(np.isfinite(warmer).all()))
     rows = decoded_rows(found, readings, times, warmer, offset)
     if times is not None:

@@ -68,7 +68,7 @@ def study(
     derived |= {"loaded_gap_mm": gap and gap.value, "loaded_gap_error_mm": gap and gap.error}
     failures += unknown
     said = loaded_clearance.room(gap)
-    if gap and gap.obstacle == loaded_clearance.UNSOLVED:
+    if gap and gap.why == loaded_clearance.UNSOLVED:
         said = [f"Whether the beam touches what stands beside it under {gap.load} is not solved yet: add --loaded."]
     else:
         failures += loaded_clearance.warning(gap)

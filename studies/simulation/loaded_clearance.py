@@ -43,13 +43,14 @@ UNSOLVED = "it is not solved yet"
 
 
 class Gap(NamedTuple):
-    """The least gap of a loaded beam and its error, mm, to which obstacle, and under which load; NaN and why if it is
+    """The least gap of a loaded beam and its error, mm, under which load, and to which obstacle; NaN and why if it is
     unknown."""
 
     value: float
     error: float
-    obstacle: str
     load: str
+    obstacle: str = ""
+    why: str = ""
 
 
 def obstacles(design: Design, plan: Plan) -> dict[str, Block]:
@@ -87,11 +88,11 @@ def least_gap(
     try:
         skin, motion = _skin(design, Load(depth, shear, friction="stick"), forces, store, solve)
     except (BadInput, SolveFailed) as error:
-        return Gap(math.nan, math.nan, str(error), words)
+        return Gap(math.nan, math.nan, words, why=str(error))
     gaps = {name: _distance(_turned(skin, _centre(block)), block) for name, block in beside.items()}
     name = min(gaps, key=lambda each: gaps[each])
     chords = design.R * (1 - math.cos(math.pi / (2 * SECTORS)))
-    return Gap(gaps[name], MOTION_ERROR * motion + chords, name, words)
+    return Gap(gaps[name], MOTION_ERROR * motion + chords, words, name)
 
 
 def room(gap: Gap | None) -> list[str]:
@@ -107,7 +108,7 @@ def warning(gap: Gap | None) -> list[str]:
     if gap is None or gap.value > gap.error:
         return []
     if math.isnan(gap.value):
-        return [f"whether the beam touches what stands beside it under {gap.load} is not known: {gap.obstacle}"]
+        return [f"whether the beam touches what stands beside it under {gap.load} is not known: {gap.why}"]
     screw = "screw" in gap.obstacle
     remedy = "countersink the screws or set them from below" if screw else "lower c or raise f"
     reached = f"the beam reaches {-gap.value:.2g} +-{gap.error:.1g} mm into {gap.obstacle} (finite elements)"
