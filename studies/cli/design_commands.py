@@ -45,7 +45,7 @@ def design(call: Call, *, loaded: bool = False) -> int:
     return show(study, call.screen)
 
 
-@verb("source sets wide as_json")
+@verb("source sets wide as_json", arrays=True)
 def cad(call: Call, *, out: Path, fabrication: Fabrication = Fabrication()) -> int:
     """Make and check solids, a printable mould and base, an assembly, drawings and a casting recipe.
 

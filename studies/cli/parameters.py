@@ -38,10 +38,11 @@ class Call:
     """A call of a verb, and what those of its arguments mean that several verbs have.
 
     arguments : all arguments of the verb by their names.
+    arrays : whether the verb takes a table [array] of the design file for what it is.
     """
 
-    def __init__(self, verb: Callable[..., int], arguments: Mapping[str, Any]) -> None:
-        self.verb, self.arguments = verb, arguments
+    def __init__(self, verb: Callable[..., int], arguments: Mapping[str, Any], *, arrays: bool = False) -> None:
+        self.verb, self.arguments, self.arrays = verb, arguments, arrays
         self.source = str(arguments.get("source") or "")
         self.sets: list[str] = arguments.get("sets") or []
         self.out: Path | None = arguments.get("out")
@@ -66,9 +67,13 @@ class Call:
     def design(self, magnet: Magnet = "rigid", **unused: float) -> Design:
         """Read the design, and warn of fields without effect and of values that no silicone has.
 
+        Of an array it is that of one beam, which is said unless the verb takes arrays.
+
         `unused`: as in `user_input.read_design`.
         """
         design = user_input.read_design(self.source, self.sets, magnet=magnet, unused=unused)
+        if not self.arrays:
+            user_input.say_if_array(self.source)
         user_input.warn_of_values(design)
         return design
 
@@ -84,10 +89,13 @@ COMMON = {
 """Arguments of several verbs."""
 
 
-def verb(common: str = "", *, out: str = "", at: int = 99) -> Callable[[Callable[..., int]], Callable[..., int]]:
+def verb(
+    common: str = "", *, out: str = "", at: int = 99, arrays: bool = False
+) -> Callable[[Callable[..., int]], Callable[..., int]]:
     """Return a decorator that adds some of `COMMON` to a verb, which gets its `Call` and its own arguments.
 
     `out`: help of --out, and `at` the number of the verb's own arguments before it; default: all of them.
+    `arrays`: as in `Call`.
     """
 
     def decorate(function: Callable[..., int]) -> Callable[..., int]:
@@ -102,7 +110,7 @@ def verb(common: str = "", *, out: str = "", at: int = 99) -> Callable[[Callable
         def called(*words: Any, **given: Any) -> int:
             bound = signature.bind(*words, **given)
             bound.apply_defaults()
-            call = Call(called, dict(bound.arguments))
+            call = Call(called, dict(bound.arguments), arrays=arrays)
             taken = [one for one in own if not (one.name == "out" and out)]
             values = [bound.arguments[one.name] for one in taken if one.kind is POSITIONAL]
             named = {one.name: bound.arguments[one.name] for one in taken if one.kind is not POSITIONAL}

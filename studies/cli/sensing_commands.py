@@ -60,7 +60,7 @@ def field(
     return GOOD
 
 
-@verb("source sets wide as_json")
+@verb("source sets wide as_json", arrays=True)
 def readings(
     call: Call,
     *,
@@ -147,7 +147,7 @@ def bench(call: Call, *, out: Path | None = None, options: option_groups.Plannin
     return publish(partial(simulated_bench.run, design, made, bought, needed, options), here)
 
 
-@verb("source sets wide as_json")
+@verb("source sets wide as_json", arrays=True)
 def calibrate(
     call: Call,
     bench: Annotated[list[Path], Parameter(name="BENCH")],
@@ -174,10 +174,15 @@ def calibrate(
     from studies.calibration import calibration_study, magnet_scan
     from studies.parts.part_tolerances import parse_tolerances
     from studies.parts.requirements import stated_requirements
+    from studies.sensing import array_readings
 
     names = magnet_scan.FILES if options.scan else calibration_study.FILES
     here = call.here(names, [*bench, options.responses])
     design = call.design()
+    if array_readings.stated_array(call.source, design) is not None:
+        raise BadInput(
+            "calibrate takes rows of one sensor: take a design file without [array], and calibrate each beam"
+        )
     if not options.scan:
         made = parse_tolerances(options.tolerances or [], design, call.source)
         needed = stated_requirements(call.source)
@@ -191,6 +196,7 @@ def calibrate(
     "source sets as_json",
     out="CSV file for the rows of --file with the results added; default: standard output.",
     at=1,
+    arrays=True,
 )
 def decode(
     call: Call, *, decoding: option_groups.Decoding = option_groups.Decoding(), mcap: Path | None = None
@@ -274,7 +280,9 @@ def _decode_array(call: Call, array: ArrayDesign, decoding: option_groups.Decodi
         return show(array_readings.decode_file(array, decoder, decoding, source, call.out), call.screen)
 
 
-@verb("source sets as_json", out="CSV file for time, readings, status, force and shift of each row.", at=1)
+@verb(
+    "source sets as_json", out="CSV file for time, readings, status, force and shift of each row.", at=1, arrays=True
+)
 def stream(
     call: Call,
     *,
@@ -333,7 +341,7 @@ def stream(
     return show(dataclasses.replace(result, records=[], shown=[]) if call.as_json else result, Destination())
 
 
-@verb("source sets wide as_json")
+@verb("source sets wide as_json", arrays=True)
 def firmware(
     call: Call,
     *,
@@ -462,7 +470,7 @@ def disturb(call: Call, *, options: option_groups.Disturbing = option_groups.Dis
     return publish(partial(disturbances.run, design, mechanics, options, stated_requirements(call.source)), here)
 
 
-@verb("source sets wide as_json", out="Folder for ARRAY.md, tables and picture.")
+@verb("source sets wide as_json", out="Folder for ARRAY.md, tables and picture.", arrays=True)
 def array(call: Call, *, options: option_groups.Arraying = option_groups.Arraying()) -> int:
     """Show how beams of an array disturb each other: cross-talk, errors over pitch and polarity, forces of magnets.
 

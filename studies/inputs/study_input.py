@@ -365,8 +365,9 @@ class Study:
 
 
 def study_design(study: Study, sets: Sequence[str] = (), *, magnet: Magnet = "rigid") -> Design:
-    """Return the design of a study, with overrides KEY=VALUE."""
+    """Return the design of a study, with overrides KEY=VALUE; of an array that of one beam, which is said."""
     base, values = user_input.preset_or_file(study.design)
+    user_input.say_if_array(study.design)
     return user_input.design_from(base, {**values, **study.fields, **user_input.overrides(sets)}, magnet)
 
 

@@ -202,6 +202,12 @@ def warn_of_values(design: Design) -> None:
         console.warn(warning)
 
 
+def say_if_array(source: str) -> None:
+    """Say of a design file with a table [array] that only one of its beams is taken."""
+    if "array" in toml_table(source, "preset or file"):
+        console.say(f"{source} is an array: this is one of its beams by itself, without neighbours")
+
+
 def say_no_effect(what: str, reason: str) -> None:
     """Warn of an option or an axis that has no effect beside other options or with this design."""
     console.warn(no_effect([what], reason))
