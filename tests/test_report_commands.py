@@ -83,6 +83,7 @@ def section(path):
 @pytest.mark.parametrize(
     ("name", "least"),
     [
+        ("array", 1),
         ("demo", 9),
         ("errors", 3),
         ("field", 1),

@@ -140,9 +140,7 @@ def run(
         shown=_shown(record, rows),
         tables={"pitches": rows, "crosstalk": matrix},
         pages={"ARRAY.md": page},
-        files={
-            "array.png": lambda path: picture(path, rows, lambda table: figures(table, laws, design, options.error))
-        },
+        files={"array.png": lambda path: picture(path, rows, lambda table: figures(table, options.error))},
         warnings=[*[source.warning] * bool(source.warning), *loads.warnings, *_base_warning(single_base, pitch)],
     )
 
@@ -460,13 +458,23 @@ def _cost(coder: Decoder, grid: Grid, pitch: float, shift: Array) -> FlatRow:
 # The figure
 
 
-def figures(table: pd.DataFrame, laws: list[FlatRow], design: Design, limit: float) -> list[Figure]:
-    """Return the error over the pitch, a panel for each polarity, beside the law of the gradient of a dipole."""
+DRAWN = ("polarity", "pitch_mm", *(f"{name}_percent" for name in DECODERS), "ignoring_no_force_percent")
+"""Columns that the figure takes."""
+
+
+def figures(table: pd.DataFrame, limit: float = 1.0) -> list[Figure]:
+    """Return the error over the pitch, a panel for each polarity, beside the law of the gradient of a dipole.
+
+    limit : error at which a line is drawn, percent.
+    """
     import altair as alt
     import pandas as pd
 
-    x, y, law = "pitch (mm)", "largest error of the force (% of the range)", "proportional to (l0/pitch)^4"
-    shown = table[table["pitch_mm"] <= FARTHEST * design.D]
+    x, y, law = "pitch (mm)", "largest error of the force (% of the range)", "proportional to 1/pitch^4"
+    # the farthest pitches are those of the law, beyond what is built
+    shown = table[table["pitch_mm"] <= (1 + 1e-6) * FARTHEST / FAR[-1] * table["pitch_mm"].max()]
+    if not shown["ignoring_percent"].any():
+        return []
     parts = [
         pd.DataFrame({
             x: shown["pitch_mm"], y: shown[f"{name}_percent"], "series": DECODERS[name], "panel": shown["polarity"],
@@ -476,10 +484,9 @@ def figures(table: pd.DataFrame, laws: list[FlatRow], design: Design, limit: flo
     ends = shown["pitch_mm"].iloc[[0, -1]].to_numpy()
     parts += [
         pd.DataFrame({
-            x: ends, y: row["error_over_(l0/p)^4_percent"] * (design.l0 / ends) ** 4, "series": law,
-            "panel": row["polarity"],
+            x: ends, y: of_it["ignoring_percent"].iloc[-1] * (ends[1] / ends) ** 4, "series": law, "panel": polarity,
         })
-        for row in laws
+        for polarity, of_it in shown.groupby("polarity", sort=False)
     ]  # fmt: skip
     data = pd.concat(parts, ignore_index=True).dropna(ignore_index=True)
     low, high = np.log10(data[y].min()), np.log10(data[y].max())
@@ -489,13 +496,16 @@ def figures(table: pd.DataFrame, laws: list[FlatRow], design: Design, limit: flo
     of_law = f"datum.series == '{law}'"
     lines = alt.Chart().transform_filter(f"!({of_law})").mark_line(point=True).encode(**axes, **looks)
     guide = alt.Chart().transform_filter(of_law).mark_line(strokeDash=[5, 4]).encode(**axes, color=looks["color"])
-    chart = panels(alt.layer(*rule("y", limit, f"{limit:g} %"), guide, lines), data)
+    chart = panels(alt.layer(*rule("y", limit), guide, lines), data)
     caption = "Largest error of the decoded force over random loads on all beams at once, tared at rest."
     worst = table.loc[table["ignoring_no_force_percent"].idxmax()]
-    note = (
-        f"Random loads on all beams, tared at rest. Not counted are readings that give no force, up to "
-        f"{worst['ignoring_no_force_percent']:.2g} % at {worst['pitch_mm']:g} mm where neighbours are ignored; "
-        f"jointly decoded, no error exceeds {table['jointly_percent'].max():.1g} %. Subtracted once, a beam without "
-        "a pose counts as at rest, which makes steps."
-    )
-    return [Figure("Error of the force by the neighbours in an array", caption, chart, data, (note,))]
+    lost, at = worst["ignoring_no_force_percent"], worst["pitch_mm"]
+    notes = [
+        "Random loads on all beams, tared at rest.",
+        f"The level dashed line lies at {limit:g} %.",
+        *[f"Readings that give no force, with neighbours ignored up to {lost:.2g} % at {at:g} mm, are not counted."]
+        * bool(lost),
+        f"Jointly decoded, no error exceeds {table['jointly_percent'].max():.1g} %.",
+        "Subtracted once, a beam without a pose counts as at rest, which makes steps.",
+    ]
+    return [Figure("Error of the force by the neighbours in an array", caption, chart, data, (" ".join(notes),))]

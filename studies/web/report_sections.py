@@ -19,6 +19,7 @@ from studies.mechanics.study_cases import varied
 from studies.output import deformed_body, provenance
 from studies.output.figures import Figure
 from studies.quantities import shown
+from studies.sensing import crosstalk
 from studies.sensitivity import uncertainty_figures
 from studies.simulation import comparison_figures, critical_depths, mesh_convergence, time_figures
 from studies.sizing import sizing_figures
@@ -80,6 +81,7 @@ KNOWN = (
     Known("sobol.csv", ("output", "input", "first_order", "total_order"), uncertainty_figures.sobol, ("sobol.png",)),
     Known("morris.csv", ("output", "input", "mu_star", "sigma"), uncertainty_figures.morris, ("morris.png",)),
     Known("morris_cases.csv", ("fem_force_N", "status"), None),
+    Known("pitches.csv", crosstalk.DRAWN, crosstalk.figures, ("array.png",)),
     Known("montecarlo.csv", ("sensor", "status", "E_MPa"), uncertainty_figures.made_sensors, ("montecarlo.png",)),
 )
 """Tables by file name. A sweep's table is recognised by its columns, see `_figures_of`."""
