@@ -68,6 +68,7 @@ def quantity(name: str, value: object, unit: str, low: float = -math.inf, high: 
     result = number / round(1 / factor) if factor < 1 else number * factor
     if not low <= result <= high:
         bound = f"lie between {low:g} and {high:g}" if math.isfinite(high) else f"be at least {low:g}"
-        hint, after = ': write 40 % as 0.4 or "40 %"' if pure and result > high else "", "" if pure else f" {unit}"
+        after = "" if pure else f" {unit}"
+        hint = ': write 40 % as 0.4 or "40 %"' if pure and high < result <= 100 else ""
         raise BadInput(f"{name} must {bound}{after}; got {result:g}{after}{hint}")
     return result
