@@ -326,7 +326,7 @@ def help(
         console.say(f"magtip: no browser was found. The page of this verb is {page}.")
     elif name and status == GOOD:
         console.say(
-            "magtip: the site has a page of this verb, with its picture, examples and columns. `make docs` in the source of "
-            f"magtip builds the site; copied from out/docs to {SITE} it opens here."
+            "magtip: the site has a page of this verb, with its picture, examples and columns. `make docs` in the "
+            f"source of magtip builds the site; copied from out/docs to {SITE} it opens here."
         )
     return status
