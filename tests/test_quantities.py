@@ -4,7 +4,6 @@ import dataclasses
 import io
 import json
 import re
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -22,7 +21,6 @@ from studies.quantities import QUANTITIES, Part, Quantity, stored_values
 from studies.simulation import state_rows
 from studies.sweeps.answer_plot import plot
 
-ROOT = Path(__file__).resolve().parent.parent
 PRESSES = pd.DataFrame({"L_mm": [9.0, 11.0], "E_MPa": [0.5, 1.3], "depth_mm": 0.5})
 WORK = Quantity(
     "work",
@@ -146,11 +144,6 @@ def test_stored_values_are_facts():
 def test_estimates_are_those_of_the_finite_elements():
     names = {field.name for field in dataclasses.fields(solution.Estimates)}
     assert {part.estimate for each in QUANTITIES.values() for part in each.parts} - {""} <= names
-
-
-def test_the_readme_names_all_quantities():
-    text = (ROOT / "studies" / "README.md").read_text("utf-8")
-    assert f"| `quantities` | {', '.join(QUANTITIES)} |" in text
 
 
 def test_columns_are_unique_and_units_are_known():
