@@ -30,7 +30,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -93,6 +93,10 @@ class IronPlane:
     permeability: float = IRON
     touched: bool = False
 
+    def seen_from(self, place: Array) -> IronPlane:
+        """Return it in the frame of a sensor at a place (3,), mm."""
+        return replace(self, point=self.point - place)
+
     def __call__(self, points: Array, poses: Poses) -> Array:
         """Return the field; NaN where the magnet's centre or a point lies in the iron."""
         n = self.normal / np.linalg.norm(self.normal)
@@ -139,6 +143,10 @@ class IronPiece:
     length: float
     axis: Array
     permeability: float = IRON
+
+    def seen_from(self, place: Array) -> IronPiece:
+        """Return it in the frame of a sensor at a place (3,), mm."""
+        return replace(self, place=self.place - place)
 
     def __call__(self, points: Array, poses: Poses) -> Array:
         """Return the field of the moment that the sensor's magnet induces."""

@@ -3,10 +3,23 @@
 import re
 from pathlib import Path
 
+import numpy as np
+import pandas as pd
 import pytest
 
+from analytic import parts
+from analytic.decode import decoder
+from analytic.hall import field_at, means_over_plates, plates_of
+from analytic.surroundings import IronPlane
+from geometry.array_design import ArrayDesign
+from geometry.design import paper
 from studies.cli import commands, main
+from studies.inputs.option_groups import SourceOfLoad
+from studies.sensing.disturbed_loads import loads_of
+from studies.simulation import mechanics_sources
 
+DESIGN = paper()
+CODER = decoder(DESIGN, mechanics_sources.source_of(DESIGN, SourceOfLoad(level="paper")).law)
 ARRAY = (
     'base = "paper"\nhall_noise = 0.001\n[array]\nrows = 1\ncolumns = 2\npitch = 20.0\npolarity = ["up", "down"]\n'
 )
@@ -47,3 +60,46 @@ def test_verbs_that_read_the_table_are_those_declared_to_take_arrays():
     reads = {part for part in found if "stated_array" in part or "grid_of" in part}
     assert {part for part in found if "arrays=True" in part} == reads
     assert len(reads) > 5
+
+
+# disturb
+
+
+def test_beams_far_apart_are_disturbed_as_a_single_sensor(tmp_path, capsys):
+    apart, single = tmp_path / "apart.toml", tmp_path / "single.toml"
+    apart.write_text(ARRAY.replace("20.0", "300.0"))
+    single.write_text(ARRAY.partition("[array]")[0])
+    for file in (apart, single):
+        assert main(["disturb", str(file), "--level", "paper", "--out", str(tmp_path / file.stem)]) == 0
+    tables = [
+        pd.read_csv(tmp_path / name / "disturbances.csv").set_index("disturbance") for name in ("apart", "single")
+    ]
+    array, one = (table.error_N for table in tables)
+    for name in ("uniform field", "iron plane below", "iron object"):
+        assert array[name] == pytest.approx(one[name], rel=1e-3)
+    beams = pd.read_csv(tmp_path / "apart" / "beams.csv").pivot(index="disturbance", columns="beam", values="error_N")
+    assert beams.max(axis=1).to_dict() == array.to_dict()
+    # iron beside the second beam is far from the first
+    assert beams.loc["iron plane beside", 1] < 1e-3 * beams.loc["iron plane beside", 2]
+    assert tables[0].error_beams_median_N["iron plane beside"] == pytest.approx(
+        beams.loc["iron plane beside"].mean(), rel=1e-5
+    )
+    assert "Errors are those of all 2 beams" in (tmp_path / "apart" / "DISTURB.md").read_text("utf-8")
+
+
+def test_iron_has_an_image_of_each_magnet():
+    array = ArrayDesign(DESIGN, np.array([[0.0, 0.0], [12.0, 0.0]]), np.array([1.0, -1.0]))
+    loads, _, _ = loads_of(CODER, None, array)
+    plane = IronPlane(DESIGN, np.array([0.0, 0.0, -8.0]), np.array([0.0, 0.0, 1.0]))
+    elements = parts.of_design(array)
+    points, owners = plates_of(elements)
+    images = [
+        pole * field_at(points - [*place, 0.0], DESIGN, shift=(0.0, 0.0, -16.0 - 2 * DESIGN.H))
+        for place, pole in zip(array.places, array.poles, strict=True)
+    ]
+    expected = 999 / 1001 * means_over_plates(sum(images), elements, owners)[0]
+    assert loads.change(plane)[0] == pytest.approx(expected, rel=1e-9)
+    # each beam has all loads, and in no frame but the first those of its neighbour
+    frames = loads.force.reshape(-1, 2, 3)
+    assert sorted(map(tuple, frames[:, 0])) == sorted(map(tuple, frames[:, 1]))
+    assert (frames[1:, 0] != frames[1:, 1]).any(axis=1).all()

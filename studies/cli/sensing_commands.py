@@ -452,22 +452,23 @@ def layout(call: Call, *, basis: Basis = Basis(), parts: LayoutParts = LayoutPar
     return publish(partial(layout_report.run, design, mechanics, basis, parts), here)
 
 
-@verb("source sets wide as_json", out="Folder for DISTURB.md and the tables.")
+@verb("source sets wide as_json", out="Folder for DISTURB.md and the tables.", arrays=True)
 def disturb(call: Call, *, options: option_groups.Disturbing = option_groups.Disturbing()) -> int:
     """Show what the surroundings do to the decoded force, in N: earth's field, iron, other sensors, temperature.
 
     Errors are those of the design's decoder at loads of its range: of the requirements that the design states, else
     up to a press of 3 D/8 with a shear of D/8. They are given before and after taring, with the share of readings
-    whose status is not ok.
+    whose status is not ok; of an array, whose beams are decoded jointly, also by beam.
     """
     from studies.parts.requirements import stated_requirements
-    from studies.sensing import disturbances
+    from studies.sensing import array_readings, disturbances
     from studies.simulation import mechanics_sources
 
     here = call.here(disturbances.FILES, [options.source.responses])
     design = call.design()
     mechanics = partial(mechanics_sources.source_of, design, options.source)
-    return publish(partial(disturbances.run, design, mechanics, options, stated_requirements(call.source)), here)
+    array, needed = array_readings.stated_array(call.source, design), stated_requirements(call.source)
+    return publish(partial(disturbances.run, design, mechanics, options, needed, array), here)
 
 
 @verb("source sets wide as_json", out="Folder for ARRAY.md, tables and picture.", arrays=True)

@@ -36,7 +36,7 @@ from studies.output.records import FlatRow
 from studies.output.result import Result, Table
 from studies.sensing.array_readings import Grid
 from studies.sensing.decode_readings import Source
-from studies.sensing.disturbances import Loads, loads_of, shifts_under
+from studies.sensing.disturbed_loads import Loads, loads_of, shifts_under
 
 if TYPE_CHECKING:
     import pandas as pd

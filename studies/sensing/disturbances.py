@@ -23,11 +23,12 @@ import numpy as np
 
 from analytic import surroundings
 from analytic.decode import Decoder, decode, decoder, told_slopes
-from analytic.hall import means_over_plates, plates_of
+from analytic.hall import plates_of
 from analytic.inverse import response_surface
-from analytic.inverse.forward_model import Forward, model, readings_at, readings_with_slopes, rotation
+from analytic.inverse.forward_model import readings_at, readings_with_slopes
 from analytic.parts import of_design
 from analytic.surroundings import IronPiece, IronPlane, Neighbour, Poses, Surroundings
+from geometry.array_design import ArrayDesign
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.messages import Progress
@@ -38,20 +39,15 @@ from studies.output.records import FlatRow
 from studies.output.result import Result, Table
 from studies.quantities import shown
 from studies.sensing.decode_readings import Source
+from studies.sensing.disturbed_loads import Loads, loads_of, shifts_under
 
 if TYPE_CHECKING:
     from studies.inputs.option_groups import Disturbing
     from studies.parts.requirements import Requirements
 
-FILES = ("DISTURB.md", "disturbances.csv", "warming.csv")
-USUAL_DEPTH, USUAL_SHEAR = 3 / 8, 1 / 8
-"""Depth and shear over D whose forces are the range of a design that states none."""
-WITHIN = 0.95
-"""Largest depth of the usual loads over the deepest one that the mechanics know."""
+FILES = ("DISTURB.md", "disturbances.csv", "warming.csv", "beams.csv")
 ENOUGH = 0.5
 """Least share of readings with a force for which a worst error is said."""
-TURNS = (2 * np.pi * np.arange(4) / 4).tolist()
-"""Directions of a force along the plate."""
 DIRECTIONS = np.array([v for v in itertools.product((-1.0, 0.0, 1.0), repeat=3) if any(v)])
 DIRECTIONS /= np.linalg.norm(DIRECTIONS, axis=1)[:, None]
 """Directions of a uniform field or a moment: to the faces, edges and corners of a cube."""
@@ -79,50 +75,29 @@ class Disturbance:
     tared: Literal["same", "any", "first", "never"] = "same"
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Loads:
-    """The loads at which errors are taken, rest first: forces (n, 3), N, poses under them, and what reads these.
-
-    left_out : number of loads of the range that the mechanics do not reach.
-    """
-
-    force: Array
-    poses: Poses
-    sensor: Forward
-    left_out: int
-
-    def readings(self, shift: Array) -> Array:
-        """Return the readings (n, k), T, of the elements at shifts (3, n), mm; NaN where a shift is."""
-        found, known = np.full((shift.shape[1], len(self.sensor.elements)), np.nan), np.isfinite(shift).all(axis=0)
-        found[known] = readings_at(self.sensor, shift[:, known]).T
-        return found
-
-    @property
-    def warnings(self) -> list[str]:
-        """A sentence where loads are left out."""
-        said = f"{self.left_out} loads of the range lie beyond the mechanics: their errors are not known"
-        return [said] * bool(self.left_out)
-
-
 def run(
     design: Design,
     mechanics: Callable[[], Source],
     options: Disturbing,
     needed: Requirements | None,
+    array: ArrayDesign | None,
     progress: Progress,
 ) -> Result:
     """Return errors of the decoded force under each disturbance, and per kelvin.
 
     mechanics : gives the mechanics of the design, which may take some seconds.
     needed : what the design states as required; else the range is that of a press of 3 D/8 with a shear of D/8.
+    array : of which the design is one beam.
     """
-    chosen, source = disturbances(design, options), mechanics()
+    chosen, source = disturbances(design, options, array), mechanics()
     coder = decoder(design, source.law, reject_ambient=options.reject_ambient)
-    loads, full, words = loads_of(coder, needed)
-    rows = []
+    loads, full, words = loads_of(coder, needed, array)
+    rows, beams = list[FlatRow](), list[FlatRow]()
     for k, one in enumerate(chosen):
         progress(k / (len(chosen) + 1), one.name)
-        rows.append(_row(coder, one, loads, full))
+        row, of_beams = _row(coder, one, loads, full)
+        rows.append(row)
+        beams += of_beams
     progress(len(chosen) / (len(chosen) + 1), "warming")
     warmed = warming(coder, loads, options, full)
     far = {field: surroundings.reach(design, field * 1e-3) for field in (0.5, 0.1)}
@@ -133,7 +108,8 @@ def run(
         "noise_factor": price,
         "full_scale_N": full,
         "full_scale": words,
-        "loads": len(loads.force),
+        "beams": loads.beams,
+        "loads": len(loads.force) // loads.beams,
         "disturbances": rows,
         "warming_K": options.warming,
         "warming": warmed,
@@ -146,7 +122,14 @@ def run(
     page = page_templates.rendered(
         Path(__file__).with_name("DISTURB.md.j2"), record=record, outside=outside, reason=source.reason
     )
-    brief = ("error_median_N", "tared_median_N", "noticed_percent", "tared_noticed_percent")
+    brief = (
+        "error_median_N",
+        "error_beams_median_N",
+        "tared_beams_median_N",
+        "tared_median_N",
+        "noticed_percent",
+        "tared_noticed_percent",
+    )
     return Result(
         title="Disturbances",
         records=[record],
@@ -156,51 +139,10 @@ def run(
             f"Percentages are of {full:.3g} N, {words}. {outside}",
             *[_price_words(price)] * options.reject_ambient,
         ],
-        tables={"disturbances": rows, "warming": warmed},
+        tables={"disturbances": rows, "warming": warmed} | ({"beams": beams} if array else {}),
         pages={"DISTURB.md": page},
         warnings=[*[source.warning] * bool(source.warning), *loads.warnings],
     )
-
-
-# Loads
-
-
-def loads_of(coder: Decoder, needed: Requirements | None) -> tuple[Loads, float, str]:
-    """Return the loads, the force of which percentages are, N, and which one it is, in words."""
-    assert coder.mechanics is not None
-    if needed is not None:
-        pairs, full, words = needed.loads().tolist(), needed.force_z, "the required press"
-    else:
-        depth, full, along = _usual_forces(coder)
-        pairs = [*([share * full, 0.0] for share in (0.25, 0.5, 1.0)), [full / 2, along], [full, along]]
-        words = f"a press of {depth:.3g} mm, for the design states no required one"
-    asked = [(0.0, 0.0, 0.0), *((n, t, turn) for n, t in pairs for turn in (TURNS if t else TURNS[:1]))]
-    normal, tangential, turn = np.array(asked).T
-    shift = shifts_under(coder, normal, tangential, turn)
-    known = np.isfinite(shift[2])
-    if not known[1:].any():
-        raise BadInput(
-            f"the mechanics reach no load of the range up to {full:.3g} N: take others by --level, or require less"
-        )
-    force = np.column_stack([tangential * np.cos(turn), tangential * np.sin(turn), normal])
-    return Loads(force[known], _poses(coder, shift[:, known]), coder.forward, int((~known).sum())), full, words
-
-
-def shifts_under(coder: Decoder, normal: Array, tangential: Array, turn: Array) -> Array:
-    """Return the shifts (3, n) of the magnet under forces, the first of which are none; NaN where none is known."""
-    law = coder.mechanics
-    assert law is not None
-    u, w = response_surface.shifts_of_forces(law, coder.low, coder.high, tangential, normal)
-    u[0] = w[0] = 0.0
-    # rounded, so that a force along an axis has no component of 1e-16 across it
-    return np.stack([u * np.round(np.cos(turn), 15), u * np.round(np.sin(turn), 15), w])
-
-
-def _poses(coder: Decoder, shift: Array) -> Poses:
-    law = coder.mechanics
-    assert law is not None
-    depth = response_surface.force_and_load(law, shift, contact=False)[1][0]
-    return Poses(shift.T, rotation(coder.forward.tau, shift).T, np.maximum(depth, 0.0))
 
 
 def _price_words(factor: float) -> str:
@@ -211,77 +153,77 @@ def _price_words(factor: float) -> str:
 
 def _price(coder: Decoder, design: Design, loads: Loads) -> float:
     """Return by which factor a rejected field makes the noise of the force larger: the median over loads and axes."""
-    plain, readings = decoder(design, coder.mechanics), loads.readings(loads.poses.shift.T)
+    plain, readings = decoder(design, coder.mechanics), readings_at(loads.sensor, loads.of_one.shift.T).T
     ratio = decode(coder, readings).noise_N / decode(plain, readings).noise_N
     return float(np.nanmedian(ratio)) if np.isfinite(ratio).any() else math.nan
-
-
-def _usual_forces(coder: Decoder) -> tuple[float, float, float]:
-    """Return depth, mm, and force, N, of the usual press or of nearly the deepest known one, and the force along the
-    plate of the usual shear at it, N."""
-    law, D = coder.mechanics, coder.forward.design.D
-    assert law is not None
-    axes = np.linspace(0, coder.high[0], 81), np.linspace(coder.low[2], 0, 81)
-    u, w = (values.ravel() for values in np.meshgrid(*axes))
-    force, plate, _ = response_surface.force_and_load(law, np.stack([u, 0 * u, w]), contact=False)
-    upright = np.flatnonzero(u == 0)
-    # at the end of what is known the least disturbance would leave no force
-    deepest = min(USUAL_DEPTH * D, WITHIN * float(np.nanmax(plate[0, upright])))
-    press = upright[np.nanargmin(np.abs(plate[0, upright] - deepest))]
-    sheared = np.nanargmin(np.hypot(plate[0] - plate[0, press], plate[1] - USUAL_SHEAR * D))
-    return float(plate[0, press]), float(force[2, press]), float(abs(force[0, sheared]))
 
 
 # Errors
 
 
-def _row(coder: Decoder, one: Disturbance, loads: Loads, full: float) -> FlatRow:
-    elements, poses = coder.forward.elements, loads.poses
-    points, owners = plates_of(elements)
+def _row(coder: Decoder, one: Disturbance, loads: Loads, full: float) -> tuple[FlatRow, list[FlatRow]]:
+    """Return the errors under a disturbance, of an array those of all beams, and of each beam of an array."""
     # (kinds, n, k)
-    changes = np.array([
-        means_over_plates(kind(points, poses).reshape(-1, 3), elements, owners) for kind in one.kinds(poses)
-    ])  # fmt: skip
+    changes = np.array([loads.change(kind) for kind in one.kinds(loads.of_one)])
     at_rest = changes[:, :1]
-    if one.tared == "any":
+    if one.tared == "any" and loads.beams > 1:
+        # turned by half a turn
+        tared = changes + at_rest
+    elif one.tared == "any":
         tared = (changes - at_rest[:, None]).reshape(-1, *changes.shape[1:])
     else:
         tared = changes - {"same": at_rest, "first": at_rest[:1], "never": 0.0}[one.tared]
-    found: FlatRow = {
+    row: FlatRow = {
         "disturbance": one.name,
         "size": one.words,
         "change_mT": 1e3 * float(np.nanmax(np.abs(changes))),
     }
-    free = loads.readings(poses.shift.T)
-    return (
-        found
-        | _errors(coder, "error", free + changes, loads, full)
-        | _errors(coder, "tared", free + tared, loads, full)
-    )
+    free = loads.readings(loads.poses.shift.T)
+    untared, of_beams = _errors(coder, "error", free + changes, loads, full)
+    after, tared_of_beams = _errors(coder, "tared", free + tared, loads, full)
+    beams = [
+        {"disturbance": one.name, "size": one.words} | own | more
+        for own, more in zip(of_beams, tared_of_beams, strict=True)
+    ]
+    return row | untared | after, beams
 
 
-def _errors(coder: Decoder, name: str, readings: Array, loads: Loads, full: float, stiffer: float = 1.0) -> FlatRow:
+def _errors(
+    coder: Decoder, name: str, readings: Array, loads: Loads, full: float, stiffer: float = 1.0
+) -> tuple[FlatRow, list[FlatRow]]:
     """Return worst and median error of the force of readings (..., n, k), T, over those with a force, N.
 
     And the shares of readings without a force, and with another status than ok, %. The silicone is `stiffer` times as
-    stiff as the decoder's, which is known.
+    stiff as the decoder's, which is known. Of an array the errors are those of all its beams, with the median of the
+    beams' worst ones, and a row for each beam.
     """
-    rows = readings.reshape(-1, readings.shape[-1])
-    found = decode(coder, rows)
-    error = stiffer * found.force - np.tile(loads.force, (len(rows) // len(loads.force), 1))
-    error = np.linalg.norm(error, axis=1)
+    force, status = loads.decode(coder, readings.reshape(-1, readings.shape[-1]))
+    error = stiffer * force - np.tile(loads.force, (len(force) // len(loads.force), 1))
+    size = np.linalg.norm(error, axis=1)
+    worst, median = _worst(size)
+    prefix = "" if name == "error" else f"{name}_"
+    row: FlatRow = {f"{name}_N": worst, f"{name}_median_N": median}
+    beams = list[FlatRow]()
+    if loads.beams > 1:
+        each = [_worst(size[k :: loads.beams]) for k in range(loads.beams)]
+        row[f"{name}_beams_median_N"] = float(np.median([largest for largest, _ in each]))
+        beams = [
+            {"beam": k, f"{name}_N": largest, f"{name}_median_N": half} for k, (largest, half) in enumerate(each, 1)
+        ]
+    return row | {
+        f"{name}_percent": 100 * worst / full,
+        f"{prefix}no_force_percent": 100 * float(np.isnan(size).mean()),
+        f"{prefix}noticed_percent": 100 * float(np.mean(np.array(status) != "ok")),
+    }, beams
+
+
+def _worst(error: Array) -> tuple[float, float]:
+    """Return largest and median error of those that are known, N; NaN where too few are."""
     known = error[np.isfinite(error)]
     # of a disturbance that leaves hardly any force, the few that are left tell nothing
-    said = len(known) >= ENOUGH * len(error) and len(known) > 0
-    worst, median = (float(known.max()), float(np.median(known))) if said else (math.nan, math.nan)
-    prefix = "" if name == "error" else f"{name}_"
-    return {
-        f"{name}_N": worst,
-        f"{name}_median_N": median,
-        f"{name}_percent": 100 * worst / full,
-        f"{prefix}no_force_percent": 100 * (1 - len(known) / len(error)),
-        f"{prefix}noticed_percent": 100 * float(np.mean(np.array(found.status) != "ok")),
-    }
+    if not (len(known) >= ENOUGH * len(error) and len(known) > 0):
+        return math.nan, math.nan
+    return float(known.max()), float(np.median(known))
 
 
 def warming(coder: Decoder, loads: Loads, options: Disturbing, full: float) -> list[FlatRow]:
@@ -310,7 +252,7 @@ def warming(coder: Decoder, loads: Loads, options: Disturbing, full: float) -> l
     lift = np.array([[0.0], [0.0], [rise]])
     known = "no data sheet states its drift" if math.isnan(drift) else f"{drift:g} %/K"
     told = f"gain of the elements ({known}{'' if three or math.isnan(drift) else ', a bound to either side'})"
-    wider, nulls = _on_a_wider_base(loads, kelvin), _null_shifts(coder, loads, options)
+    wider, nulls = loads.widened(1 + BASE_EXPANSION * kelvin), _null_shifts(coder, loads, options)
     of_nulls = "no data sheet states their drift" if nulls is None else f"{options.null_drift:g} uT/K, to either side"
     known_gain, known_nulls = 1.0 if math.isnan(gain) else gain, 0.0 if nulls is None else nulls[:, None]
     still = loads.readings(free)
@@ -334,23 +276,13 @@ def warming(coder: Decoder, loads: Loads, options: Disturbing, full: float) -> l
     rest, rows = still[:1], []
     for name, (signed, either, stiffer) in causes.items():
         readings = signed + either
-        found = _errors(coder, "error", readings, loads, full, stiffer)
-        found |= _errors(coder, "tared", readings - readings[..., :1, :] + rest, loads, full, stiffer)
+        found, _ = _errors(coder, "error", readings, loads, full, stiffer)
+        found |= _errors(coder, "tared", readings - readings[..., :1, :] + rest, loads, full, stiffer)[0]
         per_kelvin = {f"{key}_per_K": found[key] / abs(kelvin) for key in ("error_N", "tared_N")}
         press = math.nan if signed is still else _of_press(coder, signed, loads, stiffer)
         per_kelvin["press_N_per_K"] = press / kelvin
         rows.append({"cause": name} | per_kelvin | found)
     return rows
-
-
-def _on_a_wider_base(loads: Loads, kelvin: float) -> Loads:
-    """Return loads whose readings are those of elements on a warmer base."""
-    grown = 1 + BASE_EXPANSION * kelvin
-    elements = [
-        replace(e, position=(e.position[0] * grown, e.position[1] * grown, e.position[2] * grown))
-        for e in loads.sensor.elements
-    ]
-    return replace(loads, sensor=model(loads.sensor.design, loads.sensor.tau, elements=elements))
 
 
 def _null_shifts(coder: Decoder, loads: Loads, options: Disturbing) -> Array | None:
@@ -363,7 +295,7 @@ def _null_shifts(coder: Decoder, loads: Loads, options: Disturbing) -> Array | N
     moves = np.linalg.pinv(told.transpose(2, 1, 0))
     by_reading = np.einsum("jin,njk->nik", response_surface.forces(law, shift)[1], moves)
     signs = np.unique(np.sign(by_reading).reshape(-1, by_reading.shape[2]), axis=0)
-    return 1e-6 * options.null_drift * options.warming * signs
+    return np.asarray(1e-6 * options.null_drift * options.warming * np.tile(signs, loads.beams))
 
 
 def _of_press(coder: Decoder, readings: Array, loads: Loads, stiffer: float) -> float:
@@ -371,15 +303,22 @@ def _of_press(coder: Decoder, readings: Array, loads: Loads, stiffer: float) -> 
     is that of `_errors`."""
     upright = np.where(loads.force[:, :2].any(axis=1), -1.0, loads.force[:, 2])
     row = int(upright.argmax())
-    return float(stiffer * decode(coder, readings[row : row + 1]).force[0, 2] - loads.force[row, 2])
+    frame, beam = divmod(row, loads.beams)
+    return float(stiffer * loads.decode(coder, readings[frame : frame + 1])[0][beam, 2] - loads.force[row, 2])
 
 
 # What surrounds the sensor
 
 
-def disturbances(design: Design, options: Disturbing) -> list[Disturbance]:
-    """Return what the options ask for; by default the usual ones, at distances in proportion to the sensor."""
+def disturbances(design: Design, options: Disturbing, array: ArrayDesign | None = None) -> list[Disturbance]:
+    """Return what the options ask for; by default the usual ones, at distances in proportion to the sensor.
+
+    Places are those from the middle of an array, distances beside it those from its outermost axis along x.
+    """
     D, mu, ambient = design.D, options.permeability, options.ambient
+    places = np.zeros((1, 2)) if array is None else array.places
+    # the outermost axis
+    edge, across = places[places[:, 0].argmax()].tolist()
     quantity("--ambient", ambient, "uT", 0.0, 1e6)
     quantity("--permeability", mu, "1", 1.0, 1e6)
     quantity("--warming", options.warming, "K", -200.0, 200.0)
@@ -388,28 +327,30 @@ def disturbances(design: Design, options: Disturbing) -> list[Disturbance]:
     quantity("--gradient", options.gradient, "uT/mm", 0.0, 1e6)
     quantity("--null-drift", options.null_drift or 0.0, "uT/K", 0.0, 1e6)
     fields = [surroundings.uniform(1e-6 * ambient * v) for v in DIRECTIONS]
-    middle = plates_of(of_design(design))[0].mean(axis=0)
+    middle = plates_of(of_design(array or design))[0].mean(axis=0)
     # as on the axis of a dipole: half as large, and reversed, across it
     forms = [1e-6 * options.gradient * (3 * np.outer(v, v) - np.eye(3)) / 2 for v in DIRECTIONS]
     # one of each two that are each other's reverse, whose errors are alike
     gradients = [surroundings.gradient(form, middle) for form in forms[: len(forms) // 2]]
     usual = [f"below={max(design.l0 - design.H, 0.0) + D / 2:.3g}", f"beside={2 * D:.3g}", "front=0"]
-    balls = [f"{D / 2:.3g},{2 * D:.3g},0,{design.H:.3g}"]
-    rods = [f"{D / 2:.3g},{6 * D:.3g},{2 * D:.3g},0,{design.H:.3g},0,1,0"]
+    balls = [f"{D / 2:.3g},{edge + 2 * D:.4g},{across:.4g},{design.H:.3g}"]
+    rods = [f"{D / 2:.3g},{6 * D:.3g},{edge + 2 * D:.4g},{across:.4g},{design.H:.3g},0,1,0"]
+    beside = [f"{edge + 2 * D:.4g},{across:.4g}"]
     return [
         Disturbance("uniform field", f"{ambient:g} uT, any direction", lambda _: fields, "any"),
         Disturbance("field gradient", f"{options.gradient:g} uT/mm, any direction", lambda _: gradients, "any"),
-        *(_iron(design, text, mu) for text in (usual if options.iron is None else options.iron)),
-        *(_ball(design, text, mu) for text in (balls if options.ball is None else options.ball)),
-        *(_rod(design, text, mu) for text in (rods if options.rod is None else options.rod)),
-        *(_beside(design, text) for text in ([f"{2 * D:.3g},0"] if options.neighbour is None else options.neighbour)),
-        *(_jaw(design, gap) for gap in ([D] if options.jaw is None else options.jaw)),
-        *(_motor(design, text) for text in options.motor or ()),
+        *(_iron(design, places, text, mu) for text in (usual if options.iron is None else options.iron)),
+        *(_ball(design, places, text, mu) for text in (balls if options.ball is None else options.ball)),
+        *(_rod(design, places, text, mu) for text in (rods if options.rod is None else options.rod)),
+        *(_beside(design, places, text) for text in (beside if options.neighbour is None else options.neighbour)),
+        *(_jaw(design, array, gap) for gap in ([D] if options.jaw is None else options.jaw)),
+        *(_motor(design, places, text) for text in options.motor or ()),
     ]
 
 
-def _iron(design: Design, text: str, mu: float) -> Disturbance:
+def _iron(design: Design, places: Array, text: str, mu: float) -> Disturbance:
     side, _, number = text.partition("=")
+    edge = float(places[:, 0].max())
     across = max(design.R, float(plates_of(of_design(design))[0][:, 0].max()))
     least = {"below": max(design.l0 - design.H, 0.0), "beside": across, "front": 0.0}
     if side not in SIDES:
@@ -422,7 +363,11 @@ def _iron(design: Design, text: str, mu: float) -> Disturbance:
             f"--iron {side} must lie farther than {least[side]:.3g} mm from {where.get(side, 'the tip')}, and within "
             f"10 m; got {distance:g} mm"
         )
-    point = {"below": (0.0, 0.0, -distance), "beside": (distance, 0.0, 0.0), "front": (0.0, 0.0, design.L + distance)}
+    point = {
+        "below": (0.0, 0.0, -distance),
+        "beside": (edge + distance, 0.0, 0.0),
+        "front": (0.0, 0.0, design.L + distance),
+    }
     plane = IronPlane(design, np.array(point[side]), np.array(SIDES[side]), mu, touched)
     if touched:
         return Disturbance("iron object", "large, pressed by the tip", lambda _: [plane], "never")
@@ -430,16 +375,17 @@ def _iron(design: Design, text: str, mu: float) -> Disturbance:
     return Disturbance(f"iron plane {side}", f"{distance:g} mm {words[side]}", lambda _: [plane])
 
 
-def _ball(design: Design, text: str, mu: float) -> Disturbance:
+def _ball(design: Design, places: Array, text: str, mu: float) -> Disturbance:
     diameter, x, y, z = _numbers("--ball", text, "DIAMETER,X,Y,Z in mm", 4)
     quantity("--ball: the diameter", diameter, "mm", 1e-3, 1e3)
-    if not _outside(design, x, y, z, diameter / 2):
-        raise BadInput(f"--ball {text} overlaps the beam: move it out, such as to x = {design.R + diameter:.3g} mm")
+    if not _outside(design, places, (x, y, z), diameter / 2):
+        far = float(places[:, 0].max()) + design.R + diameter
+        raise BadInput(f"--ball {text} overlaps the beam: move it out, such as to x = {far:.3g} mm")
     piece = IronPiece(design, np.array([x, y, z]), diameter, diameter, np.array([0.0, 0.0, 1.0]), mu)
     return Disturbance("iron ball", f"{diameter:g} mm, at {x:g}, {y:g}, {z:g} mm", lambda _: [piece])
 
 
-def _rod(design: Design, text: str, mu: float) -> Disturbance:
+def _rod(design: Design, places: Array, text: str, mu: float) -> Disturbance:
     values = _numbers("--rod", text, "DIAMETER,LENGTH,X,Y,Z,AX,AY,AZ in mm", 8)
     diameter, length = values[:2]
     place, axis = np.array(values[2:5]), np.array(values[5:])
@@ -449,7 +395,7 @@ def _rod(design: Design, text: str, mu: float) -> Disturbance:
     if not 0 < size < math.inf:
         raise BadInput(f"--rod {text}: the direction of the axis is 0 or not finite; give one such as 0,1,0")
     along = place + np.linspace(-1, 1, 101)[:, None] * (length - diameter) / 2 * axis / size
-    if not all(_outside(design, x, y, z, diameter / 2) for x, y, z in along.tolist()):
+    if not all(_outside(design, places, at, diameter / 2) for at in along.tolist()):
         raise BadInput(f"--rod {text} overlaps the beam: move it out, or turn it")
     piece = IronPiece(design, place, diameter, length, axis, mu)
     where, along_words = (", ".join(f"{value:g}" for value in each) for each in (place, axis))
@@ -457,15 +403,16 @@ def _rod(design: Design, text: str, mu: float) -> Disturbance:
     return Disturbance("iron rod", words, lambda _: [piece])
 
 
-def _outside(design: Design, x: float, y: float, z: float, room: float) -> bool:
-    """Return whether a point keeps a distance from the cylinder around the beam, mm."""
-    aside, above = max(math.hypot(x, y) - design.R, 0.0), max(z - design.L, -z, 0.0)
-    return math.hypot(aside, above) > room
+def _outside(design: Design, places: Array, point: Sequence[float], room: float) -> bool:
+    """Return whether a point keeps a distance from the cylinders around the beams, mm."""
+    x, y, z = point
+    aside = np.maximum(np.hypot(*(places - [x, y]).T) - design.R, 0.0)
+    return bool((np.hypot(aside, max(z - design.L, -z, 0.0)) > room).all())
 
 
-def _beside(design: Design, text: str) -> Disturbance:
+def _beside(design: Design, places: Array, text: str) -> Disturbance:
     x, y = _numbers("--neighbour", text, "X,Y in mm", 2)
-    if not math.hypot(x, y) > design.D:
+    if not np.hypot(*(places - [x, y]).T).min() > design.D:
         raise BadInput(
             f"--neighbour {text} overlaps the sensor: its axis must be farther away than D = {design.D:g} mm"
         )
@@ -473,12 +420,25 @@ def _beside(design: Design, text: str) -> Disturbance:
     return Disturbance("second sensor beside", words, lambda poses: _others(design, [x, y, 0.0], poses), "first")
 
 
-def _jaw(design: Design, gap: float) -> Disturbance:
+def _jaw(design: Design, array: ArrayDesign | None, gap: float) -> Disturbance:
+    """Return the same sensor or array in the other jaw, turned by half a turn about x, all its beams alike."""
     quantity("--jaw", gap, "mm", 0.0, 1e4)
-    place = [0.0, 0.0, 2 * design.L + gap]
     words = f"tips {gap:g} mm apart at rest, under loads of its own"
-    return Disturbance(
-        "sensor in the other jaw", words, lambda poses: _others(design, place, poses, facing=True), "first"
+    above = 2 * design.L + gap
+    name = "sensor in the other jaw" if array is None else "array in the other jaw"
+    places, poles = (np.zeros((1, 2)), np.ones(1)) if array is None else (array.places, array.poles)
+
+    def kinds(poses: Poses) -> list[Surroundings]:
+        beams = [_others(design, [x, -y, above], poses, facing=True) for x, y in places.tolist()]
+        return [_together(each, poles) for each in zip(*beams, strict=True)]
+
+    return Disturbance(name, words, kinds, "first")
+
+
+def _together(magnets: Sequence[Surroundings], poles: Array) -> Surroundings:
+    """Return the field of several magnets, some of them reversed."""
+    return lambda points, poses: np.asarray(
+        sum(pole * magnet(points, poses) for pole, magnet in zip(poles.tolist(), magnets, strict=True))
     )
 
 
@@ -489,11 +449,11 @@ def _others(design: Design, place: Sequence[float], poses: Poses, *, facing: boo
     ]
 
 
-def _motor(design: Design, text: str) -> Disturbance:
+def _motor(design: Design, places: Array, text: str) -> Disturbance:
     moment, x, y, z = _numbers("--motor", text, "MOMENT,X,Y,Z in A m2 and mm", 4)
     if not 0 < moment <= 1e3:
         raise BadInput(f"--motor: the moment must be above 0 and at most 1000 A m2; got {moment:g}")
-    if not _outside(design, x, y, z, design.D):
+    if not _outside(design, places, (x, y, z), design.D):
         raise BadInput(f"--motor {text} is too near: its place must lie D = {design.D:g} mm or more off the beam")
     kinds = [surroundings.motor(np.array([x, y, z]), moment * v) for v in DIRECTIONS]
     return Disturbance("motor", f"{moment:g} A m2, any direction, at {x:g}, {y:g}, {z:g} mm", lambda _: kinds, "any")
