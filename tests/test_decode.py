@@ -390,6 +390,22 @@ def test_forces_have_shifts_within_the_mechanics_only(level):
     assert np.isnan(np.array(shifts)[:, 1:]).all()
 
 
+@pytest.mark.parametrize("level", ["paper", "finite"])
+def test_loads_of_a_plate_have_shifts_within_the_mechanics_only(level):
+    law = fitted(lambda load: beam.solve(paper(), load, level), 2.0, 2.0)
+    depth, shear = (v.ravel() for v in np.meshgrid(np.linspace(0.01, 1.9, 9), np.linspace(0, 1.5, 5)))
+    u, w = response_surface.shifts_of_loads(law, *response_surface.workspace(paper(), law), depth, shear)
+    load = response_surface.force_and_load(law, np.stack([u, np.zeros_like(u), w]), contact=False)[1]
+    assert_allclose(load[:2], [depth, shear], atol=1e-9)
+    assert (w < 0).all()
+    # a plate that does not touch, and loads beyond the samples
+    shifts = response_surface.shifts_of_loads(
+        law, *response_surface.workspace(paper(), law), np.array([0.0, 4.0, 1.0]), np.array([1.0, 0.0, 9.0])
+    )
+    assert np.array(shifts)[:, 0].tolist() == [0.0, 0.0]
+    assert np.isnan(np.array(shifts)[:, 1:]).all()
+
+
 def test_beyond_its_samples_a_tilt_stays_near_their_range():
     """Without the range, the polynomial turns this magnet by 60 rad at the upper corner of the workspace."""
     design = Design(D=6.7, L=7.1, magnet_diameter=5, magnet_height=3, l0=4.9, hall_layout="tle493d-p2b6")

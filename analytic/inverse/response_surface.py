@@ -258,6 +258,47 @@ def shifts_of_forces(
     return np.where(good, np.maximum(u, 0.0), np.nan), np.where(good, w, np.nan)
 
 
+def shifts_of_loads(mechanics: Mechanics, low: Array, high: Array, depth: Array, shear: Array) -> tuple[Array, Array]:
+    """Return the lateral shift u >= 0 and the vertical shift w, each of shape (n,), mm; NaN where none is found.
+
+    Where the magnet is at (u, w), depth and shear of the plate follow from u and r = (-w)^(1/3). Newton steps solve
+    for (u, r), from the nearest point of a grid over the workspace. Under a plate that does not touch the magnet is
+    at rest.
+
+    Parameters
+    ----------
+    low, high : workspace, shape (3,), mm; shifts outside it do not count.
+    depth, shear : travels of the plate >= 0, shape (n,), mm.
+    """
+    from scipy.spatial import cKDTree
+
+    laws = mechanics.depth, mechanics.shear
+    (d_U, d_r), (g_U, g_r) = ([polyder(law, axis=k) for k in (0, 1)] for law in laws)
+
+    def at(u: Array, r: Array) -> tuple[Array, Array, Array, Array, Array]:
+        """Return depth and shear (2, n), and their slopes by u and r, each (n,)."""
+        U = u * u
+        d, g, by_U, by_r, of_U, of_r = (polyval2d(U, r, c) for c in (*laws, d_U, d_r, g_U, g_r))
+        return np.stack([d, u * g]), 2 * u * by_U, by_r, g + 2 * U * of_U, u * of_r
+
+    wanted, ends = np.stack([depth, shear]), (float(high[0]), float(np.cbrt(-low[2])))
+    u, r = (values.ravel() for values in np.meshgrid(*(np.linspace(0, end, 41) for end in ends)))
+    nearest = cKDTree(at(u, r)[0].T).query(wanted.T)[1]
+    u, r = u[nearest], r[nearest]
+    for _ in range(30):
+        reached, a, b, c, d = at(u, r)
+        (p, q), det = reached - wanted, a * d - b * c
+        step = np.stack([d * p - b * q, a * q - c * p]) / np.where(det != 0, det, 1.0)
+        step /= np.maximum((10 * np.abs(step) / np.array(ends)[:, None]).max(axis=0), 1.0)
+        u, r = u - step[0], r - step[1]
+    edge = 1e-6 * ends[0]
+    good = (np.abs(at(u, r)[0] - wanted) <= 1e-9 * ends[0]).all(axis=0) & (u >= -edge) & (u <= ends[0] + edge)
+    good &= (r >= -edge) & (r <= ends[1] + edge)
+    good, touches = good | (depth == 0), depth > 0
+    u, w = np.where(touches, np.maximum(u, 0.0), 0.0), np.where(touches, -(np.maximum(r, 0.0) ** 3), 0.0)
+    return np.where(good, u, np.nan), np.where(good, w, np.nan)
+
+
 def workspace(design: Design, mechanics: Mechanics | None = None) -> tuple[Array, Array]:
     """Return the workspace, the box of shifts that the decoder searches: low and high, shape (3,), mm.
 

@@ -27,9 +27,15 @@ from analytic import parts
 from analytic.decode import Decoder, Status, decoder
 from analytic.inverse import ambient_field
 from analytic.inverse.forward_model import rotation
-from analytic.inverse.response_surface import Mechanics, force_and_load, shifts_of_forces, workspace
+from analytic.inverse.response_surface import (
+    Mechanics,
+    force_and_load,
+    shifts_of_forces,
+    shifts_of_loads,
+    workspace,
+)
 from geometry.arrays import Array
-from studies.calibration.sensor_fit import Fit, Sensor, condensed, linearised, settle_shifts, slopes_of
+from studies.calibration.sensor_fit import Fit, Sensor, condensed, linearised, slopes_of
 from studies.quantities import shown
 from studies.sensing import decode_readings
 from studies.sensing.decode_readings import QUANTILE
@@ -363,23 +369,12 @@ def poses_of(sensor: Sensor, load: Array) -> tuple[Array, Array, Array]:
 
     They are NaN for a load that is no equilibrium of the mechanics' samples.
     """
-    theta = sensor.unknowns.mean.copy()
-    measured = np.hstack([np.full((len(load), len(sensor.noise) + 3), np.nan), load])
-    for name in ("stand_zero", "stand_compliance"):
-        if name in sensor.unknowns.names:
-            theta[sensor.unknowns.names.index(name)] = 0.0
-    W, warmer = sensor.weights(measured), np.zeros(len(load))
-    # below a nanometre is rounding
-    shift = np.round(settle_shifts(sensor, theta, sensor.starts(theta, measured), measured, W, warmer), 6)
-    force, reached, _ = force_and_load(sensor.mechanics, np.ascontiguousarray(shift.T), contact=False)
-    low, high = workspace(sensor.design, sensor.mechanics)
-    slack = 1e-3 * sensor.design.D
-    lost = ((shift < low - slack) | (shift > high + slack)).any(axis=1) | (np.abs(reached.T - load) > slack).any(
-        axis=1
-    )
-    tilt = rotation(sensor.mechanics.tilt, np.ascontiguousarray(shift.T))
-    shift[lost] = np.nan
-    return shift, tilt.T, force.T
+    law, aside = sensor.mechanics, np.hypot(load[:, 1], load[:, 2])
+    u, w = shifts_of_loads(law, *workspace(sensor.design, law), load[:, 0], aside)
+    way = load[:, 1:] / np.where(aside > 0, aside, 1.0)[:, None]
+    shift = np.column_stack([u[:, None] * way, w])
+    flat = np.ascontiguousarray(shift.T)
+    return shift, rotation(law.tilt, flat).T, force_and_load(law, flat, contact=False)[0].T
 
 
 def force_variances(found: Fit, covariances: Sequence[Array], shift: Array) -> list[float]:
