@@ -278,7 +278,7 @@ def shifts_of_loads(mechanics: Mechanics, low: Array, high: Array, depth: Array,
     def at(u: Array, r: Array) -> tuple[Array, Array, Array, Array, Array]:
         """Return depth and shear (2, n), and their slopes by u and r, each (n,)."""
         U = u * u
-        d, g, by_U, by_r, of_U, of_r = (polyval2d(U, r, c) for c in (*laws, d_U, d_r, g_U, g_r))
+        d, g, by_U, by_r, of_U, of_r = (np.asarray(polyval2d(U, r, c), float) for c in (*laws, d_U, d_r, g_U, g_r))
         return np.stack([d, u * g]), 2 * u * by_U, by_r, g + 2 * U * of_U, u * of_r
 
     wanted, ends = np.stack([depth, shear]), (float(high[0]), float(np.cbrt(-low[2])))
