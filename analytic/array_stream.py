@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analytic import beam_arrays
-from analytic.beam_arrays import BeamArray, readings_by_pairs
+from analytic.beam_arrays import BeamArray
 from analytic.decode import Decoder, Status, rows_of, state
 from analytic.hall import at_rail
 from analytic.time_series import TimeSeries
@@ -74,28 +74,18 @@ class ArrayStream:
         return Frame(status, shift, tilt, force, load, (rows - total + own) * self.array.poles[:, None])
 
     def _poses(self, rows: Array) -> tuple[Array, Array, Array]:
-        """Return the shifts (n, 3) with the readings (n, k), NaN for beams without any, and their `_readings`."""
-        readings, last = rows[None], self._last[None]
-        (found,) = beam_arrays.decoded_jointly(self.coder, self.array, readings, last)
-        given, (total, own) = np.isfinite(rows).all(axis=1), self._readings(found)
-        if np.isfinite(found[given]).all() and self._fits(rows - total)[given].all():
-            return found, total, own
+        """Return what `analytic.beam_arrays.decoded_with_readings` finds for readings (n, k), some of them NaN."""
+        readings, last, given = rows[None], self._last[None], np.isfinite(rows).all(axis=1)
+        found, total, own = beam_arrays.decoded_with_readings(self.coder, self.array, readings, last)
+        if np.isfinite(found[0, given]).all() and self._fits(rows - total[0])[given].all():
+            return found[0], total[0], own[0]
         # by themselves, with neighbours where they were last, and again with those found
         for _ in range(2):
             alone = beam_arrays.less_neighbours(self.coder, self.array, readings, last)
             last = np.where(np.isfinite(alone.shift[None]), alone.shift[None], last)
         held = np.where(np.isfinite(alone.shift[:, :1]), rows, np.nan)
-        (found,) = beam_arrays.decoded_jointly(self.coder, self.array, held[None], last)
-        return found, *self._readings(found)
-
-    def _readings(self, shift: Array) -> tuple[Array, Array]:
-        """Return the readings (n, k), T, at shifts (n, 3), mm, and the part of each beam's own magnet; a beam without
-        a shift is where it was last."""
-        at = np.where(np.isfinite(shift), shift, self._last)
-        pairs, values, _ = readings_by_pairs(self.array, at[None], slopes=False)
-        total = np.zeros(self.offset.shape)
-        np.add.at(total, pairs[0], values[:, 0])
-        return total, values[pairs[0] == pairs[1], 0]
+        found, total, own = beam_arrays.decoded_with_readings(self.coder, self.array, held[None], last)
+        return found[0], total[0], own[0]
 
     def _fits(self, misfit: Array) -> NDArray[np.bool_]:
         """Return whether misfits (n, k), T, of more than three readings are within their bounds; not for NaN."""

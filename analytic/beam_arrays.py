@@ -9,8 +9,12 @@ where b is the exact field of one magnet along the element at p, its tilt follow
 it. Its slopes db_i/ds_j are exact too. What the neighbours add far away is the field of dipoles: the field itself,
 which taring removes, falls by (l0/p)^3 with the pitch p, and its change with a shift of the neighbour by (l0/p)^4.
 
+A magnet beyond a `reach` counts as at rest: then the work grows as the number of beams, not as its square, and what
+its motion changes is the error.
+
 **Joint decoding** finds the s that have the readings: Gauss and Newton's steps over all beams at once, from poses
-decoded one by one (`decoded_alone`), perhaps less what the neighbours add in these (`less_neighbours`).
+decoded one by one (`decoded_alone`), perhaps less what the neighbours add in these (`less_neighbours`). They are
+those of `analytic.inverse.joint_poses`.
 
 **Forces.** The faces of a magnet carry the charges +-M, on which the field of all others acts (as in
 `analytic.magnet.repulsion`, here for any pose). On beams of stiffness k the magnets at rest shift by u, with
@@ -27,30 +31,26 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
-from analytic import buckling
+from analytic import buckling, parts
 from analytic.decode import Decoded, Decoder, decode
-from analytic.hall import plates_of, rotated
+from analytic.hall import rotated
 from analytic.inverse.forward_model import (
     Forward,
     magnets_at,
     model,
-    place_magnets,
     readings_of_sensors,
     rotation,
 )
+from analytic.inverse.joint_poses import read_placed, read_shifted, solve_frame
 from analytic.magnet import MU_0, repulsion
 from geometry.array_design import ArrayDesign, grid_array
 from geometry.arrays import Array, Ints
 from geometry.design import BadInput, Design
 
-STEPS = 20
-"""Largest number of joint steps: from poses decoded one by one four to six suffice."""
-CONVERGED = 1e-13
-"""Length of the next step, over D, at which the iteration ends: as Newton's steps go, it is that of the last one
-times the square of its ratio to the one before."""
 PAIRS = 2000
 """Pairs of magnets whose forces are computed at once."""
 RADII, ANGLES = 8, 16
@@ -66,7 +66,7 @@ class BeamArray:
     layout : place of each beam over the pitch, shape (n, 2).
     poles : 1, or -1 for a reversed magnet, shape (n,).
     pitch : distance of the nearest neighbours, mm.
-    reach : distance of beams up to which the field of one counts at the elements of the other, mm.
+    reach : distance of beams, mm, up to which the motion of a magnet counts at the elements of the other beam.
     """
 
     forward: Forward
@@ -92,12 +92,18 @@ class BeamArray:
         return np.column_stack([flat, np.zeros(len(flat))])
 
     @cached_property
-    def sites(self) -> tuple[Array, Array, Ints, Array]:
-        """Points, normals, owners and sizes of `readings_of_sensors`, the elements and the magnet of each pair."""
-        design, (points, owners) = self.forward.design, plates_of(self.forward.elements)
-        at = points - [0.0, 0.0, design.H] + self.offsets[:, None]
-        normals = np.array([element.direction for element in self.forward.elements])[owners]
-        return at, np.array(np.broadcast_to(normals, at.shape)), owners, _sizes(design, len(at))
+    def far(self) -> Array:
+        """Readings of the magnets beyond the reach, at rest, (n, k), T."""
+        rest = np.zeros((1, len(self), 3))
+        whole = replace(self, reach=math.inf)
+        if self.pairs.shape == whole.pairs.shape:
+            return np.zeros((len(self), len(self.forward.elements)))
+        return np.asarray(np.subtract(*(_summed(*readings_by_pairs(each, rest)[:2])[0] for each in (whole, self))))
+
+    @property
+    def arguments(self) -> tuple[Any, ...]:
+        """Pairs, offsets, poles and the kernel of the forward model, for compiled functions."""
+        return self.pairs, self.offsets, self.poles, self.forward.kernel
 
     def obstructed(self) -> str:
         """Return the name of an element that lies in the beam of a neighbour; "" if none does."""
@@ -127,54 +133,45 @@ def of_array(forward: Forward, array: ArrayDesign) -> BeamArray:
 # Readings
 
 
-def readings_by_pairs(array: BeamArray, shift: Array, *, slopes: bool = True) -> tuple[Ints, Array, Array]:
+def readings_by_pairs(array: BeamArray, shift: Array, *, slopes: bool = False) -> tuple[Ints, Array, Array]:
     """Return the pairs (2, m), what each magnet adds to each reading, and its slopes along the magnet's shift.
 
     shift : of the magnets in f frames, (f, n, 3), mm.
 
     Returns
     -------
-    pairs, values, slopes : (2, m), (m, f, k), T, and (m, f, k, 3), T/mm, empty if they are not wanted.
+    pairs, values, slopes : (2, m), (f, m, k), T, and (f, m, k, 3), T/mm, empty if they are not wanted.
 
     Raises
     ------
     BadInput
         A point of an element lies on a magnet's rim.
     """
-    pairs, second = array.pairs, array.pairs[1]
-    moved, axis, by_place, by_axis = _posed(array.forward, shift)
-    values, by_shift, by_turn = readings_of_sensors(*array.sites, moved[second], axis[second], slopes=slopes)
+    frames, m, k = len(shift), array.pairs.shape[1], len(array.forward.elements)
+    values, along = np.empty((frames, m, k)), np.empty((frames, m if slopes else 0, k, 3))
+    for each, found, found_along in zip(np.ascontiguousarray(shift), values, along, strict=True):
+        read_shifted(each, array.arguments, found, found_along)
+    _check(values)
+    return array.pairs, values, along
+
+
+def _check(values: Array) -> None:
     if np.isnan(values).any():
         raise BadInput(
             "a point of an element lies on a magnet's rim, where the field is infinite: move the point off"
         )
-    strength = array.forward.design.polarisation * array.poles[second][:, None, None]
-    if not slopes:
-        return pairs, strength * values, np.empty((0, 0, 0, 3))
-    turn = np.cross(by_turn, axis[second][:, :, None])
-    along = by_shift @ by_place[second].swapaxes(-1, -2) + turn @ by_axis[second].swapaxes(-1, -2)
-    return pairs, strength * values, strength[..., None] * along
-
-
-def _posed(forward: Forward, shift: Array) -> tuple[Array, Array, Array, Array]:
-    """Return displacement and axis of the magnets (n, f, 3), and their slopes along s_j at [n, f, j], by shifts."""
-    frames, beams = shift.shape[:2]
-    places = np.ascontiguousarray(shift.swapaxes(0, 1).reshape(-1, 3))
-    (moved, axis), (by_place, by_axis) = np.empty((2, len(places), 3)), np.empty((2, len(places), 3, 3))
-    place_magnets(forward.kernel[4], places, moved, axis, by_place, by_axis)
-    size, square = (beams, frames, 3), (beams, frames, 3, 3)
-    return moved.reshape(size), axis.reshape(size), by_place.reshape(square), by_axis.reshape(square)
 
 
 def readings_of_array(array: BeamArray, shift: Array, *, own: bool = True) -> Array:
     """Return the readings (f, n, k), T, of all beams at shifts (f, n, 3), mm; without `own` what neighbours add."""
-    pairs, values, _ = readings_by_pairs(array, shift, slopes=False)
-    return _summed(pairs, values if own else values * (pairs[0] != pairs[1])[:, None, None])
+    pairs, values, _ = readings_by_pairs(array, shift)
+    return array.far + _summed(pairs, values if own else values * (pairs[0] != pairs[1])[:, None])
 
 
 def _summed(pairs: Ints, values: Array) -> Array:
+    """Return the sums (f, n, k) of what the magnets add (f, m, k)."""
     starts = np.flatnonzero(np.diff(pairs[0], prepend=-1))
-    return np.asarray(np.add.reduceat(values, starts).swapaxes(0, 1))
+    return np.asarray(np.add.reduceat(values, starts, axis=1))
 
 
 def standing(forward: Forward, array: ArrayDesign) -> BeamArray:
@@ -203,21 +200,21 @@ def readings_in_poses(array: ArrayDesign, shift: Array, tilt: Array) -> tuple[Ar
 
     shift, tilt : of the magnets, (n, 3), mm, and rotation vectors (n, 2), rad.
     """
-    beams = of_array(model(array.design), array)
-    pairs, second = beams.pairs, beams.pairs[1]
+    beams, (n, k) = of_array(model(array.design), array), (len(array), len(parts.of_design(array.design)))
+    pairs, values = beams.pairs, np.empty((n * n, k))
     axis = rotated(np.array([0.0, 0.0, 1.0]), tilt)
-    values, _, _ = readings_of_sensors(*beams.sites, shift[second][:, None], axis[second][:, None], slopes=False)
-    values = values * (array.design.polarisation * array.poles[second])[:, None, None]
-    return _summed(pairs, values)[0], values[pairs[0] == pairs[1], 0]
+    read_placed(np.asarray(shift, dtype=float), axis, beams.arguments, values, *np.empty((2, 0, k, 3)))
+    _check(values)
+    return _summed(pairs, values[None])[0], values[pairs[0] == pairs[1]]
 
 
 def slopes_of_array(array: BeamArray, shift: Array) -> tuple[Array, Array]:
     """Return the readings (f, n, k), T, and their slopes db_i/ds_j (f, n, k, n, 3), T/mm."""
-    pairs, values, slopes = readings_by_pairs(array, shift)
+    pairs, values, slopes = readings_by_pairs(array, shift, slopes=True)
     (f, n, _), k = shift.shape, values.shape[2]
     whole = np.zeros((n, n, f, k, 3))
-    whole[tuple(pairs)] = slopes
-    return _summed(pairs, values), whole.transpose(2, 0, 3, 1, 4)
+    whole[tuple(pairs)] = slopes.swapaxes(0, 1)
+    return array.far + _summed(pairs, values), whole.transpose(2, 0, 3, 1, 4)
 
 
 # Decoding
@@ -249,40 +246,37 @@ def decoded_jointly(coder: Decoder, array: BeamArray, readings: Array, start: Ar
     that do not converge, and for beams whose magnet lies outside the decoder's workspace. Beams with a reading that
     is NaN stay at their start, and are NaN. Where the decoder rejects an ambient field, each beam has one of its own.
 
-    Each step solves A'W A p = A'W r for the misfits r of a frame, with the slopes A of all its readings along all
-    shifts and the decoder's weights. It is shortened so that no magnet moves more than D/16, as near a fold.
+    A step is shortened so that no magnet moves more than D/16, as near a fold.
 
     start : of the iteration, (f, n, 3), mm.
     """
-    D, weights, free = array.forward.design.D, coder.goal.weights[:, None], coder.goal.free
-    lost = np.asarray(np.isnan(readings).any(axis=2))
-    shift, active = start.copy(), np.arange(len(start))
-    found, last = np.full_like(start, np.nan), np.full(len(start), 1e-3 * D)
-    for _ in range(STEPS):
-        values, A = slopes_of_array(array, shift[active])
-        f, n, k = values.shape
-        misfit = readings[active] - values
-        if len(free):
-            misfit, A = misfit @ free.T, np.einsum("ab,fibjc->fiajc", free, A)
-        held = lost[active]
-        misfit[held], A[held] = 0.0, 0.0
-        A.swapaxes(1, 3)[held] = 0.0
-        A = (A * weights[..., None]).reshape(f, n * k, 3 * n)
-        misfit = (misfit * weights[:, 0]).reshape(f, n * k, 1)
-        A_t = A.swapaxes(1, 2)
-        # a beam that is held has a row of its own, so that it does not move
-        stay = np.repeat(held, 3, axis=1)[:, None] * np.eye(3 * n)
-        step = np.linalg.solve(A_t @ A + stay, A_t @ misfit).reshape(f, n, 3)
-        length = np.linalg.norm(step, axis=2).max(axis=1)
-        shift[active] += step * np.minimum(1.0, D / 16 / np.maximum(length, 1e-300))[:, None, None]
-        done = length * (length / np.minimum(last[active], 1e-3 * D)) ** 2 < CONVERGED * D
-        last[active] = length
-        found[active[done]] = shift[active[done]]
-        active = active[~done]
-        if not len(active):
-            break
-    inside = ((coder.goal.low <= found) & (found <= coder.goal.high)).all(axis=2) & ~lost
-    return np.where(inside[..., None], found, np.nan)
+    return decoded_with_readings(coder, array, readings, start)[0]
+
+
+def decoded_with_readings(
+    coder: Decoder, array: BeamArray, readings: Array, start: Array
+) -> tuple[Array, Array, Array]:
+    """Return the shifts of `decoded_jointly`, the readings of all magnets there (f, n, k), T, and of each beam's own.
+
+    Those are NaN in frames that do not converge; magnets outside the workspace count where they were found.
+    """
+    goal, pairs, (f, _, k) = coder.goal, array.pairs, readings.shape
+    free = goal.free if len(goal.free) else np.eye(k)
+    metric = (goal.weights[:, None] * free).T @ (goal.weights[:, None] * free)
+    lost = np.asarray(~np.isfinite(readings).all(axis=2))
+    near, found = np.where(lost[..., None], 0.0, readings - array.far), np.array(start, dtype=float)
+    values = np.empty((f, pairs.shape[1], k))
+    solved = [
+        solve_frame(row, held, array.arguments, (metric, goal.D), shift, each)
+        for row, held, shift, each in zip(near, lost, found, values, strict=True)
+    ]
+    _check(values)
+    total, own = array.far + _summed(pairs, values), values[:, pairs[0] == pairs[1]]
+    for some in (found, total, own):
+        some[~np.array(solved)] = np.nan
+    inside = ((goal.low <= found) & (found <= goal.high)).all(axis=2) & ~lost
+    found[~inside] = np.nan
+    return found, total, own
 
 
 # Forces

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from analytic import decode
+from analytic import beam_arrays, decode
 from analytic.inverse import forward_model, response_surface
 from analytic.magnet import cylinder_field
 from fem.accuracy import QUICK
@@ -27,7 +27,9 @@ def main():
     coarse = replace(QUICK, section_size=0.3, section_patch=0.1)
     for law in ("prony", "finite"):
         list(follow(soft, [TimedLoad(0.1, LOAD)], coarse, law=law))
-    decode.decode(decode.decoder(paper()), [[0.01, 0.01, 0.01]])
+    coder, pads = decode.decoder(paper()), np.zeros((1, 2, 3))
+    decode.decode(coder, [[0.01, 0.01, 0.01]])
+    beam_arrays.decoded_jointly(coder, beam_arrays.beam_array(coder.forward, 1, 2, 16.0, "up"), pads, pads)
     cylinder_field(np.full((100, 3), 5.0), 2.0, 2.0, 1.0)
     mechanics, shift = of_surrogate(paper()).law, np.full((3, 1), -0.1)
     response_surface.forces(mechanics, shift)

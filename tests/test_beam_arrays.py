@@ -59,9 +59,17 @@ def test_a_beam_reads_its_own_magnet_as_a_single_sensor():
     alone = replace(beam_array(LEANING, 2, 2, 12.0, "up"), reach=0.0)
     values, slopes = slopes_of_array(alone, shift)
     one, along = readings_with_slopes(LEANING, shift[1, 2][:, None])
-    assert values[1, 2] == pytest.approx(one[:, 0], rel=1e-12)
+    assert values[1, 2] - alone.far[2] == pytest.approx(one[:, 0], rel=1e-12)
     assert slopes[1, 2, :, 2] == pytest.approx(along[:, :, 0].T, rel=1e-9, abs=1e-12)
     assert not slopes[1, 2, :, 1].any()
+
+
+def test_a_magnet_beyond_the_reach_counts_as_at_rest():
+    array, shift = beam_array(LEANING, 1, 3, 12.0, "checkerboard"), shifts(1, 3)
+    near, still = replace(array, reach=12.0), shift * [[[1], [1], [0]]]
+    assert readings_of_array(near, shift)[0, 0] == pytest.approx(readings_of_array(array, still)[0, 0], rel=1e-12)
+    assert readings_of_array(near, shift)[0, 1] == pytest.approx(readings_of_array(array, shift)[0, 1], rel=1e-12)
+    assert readings_of_array(near, 0 * shift) == pytest.approx(readings_of_array(array, 0 * shift), rel=1e-12)
 
 
 def test_slopes_of_all_readings_are_those_of_differences():
@@ -99,6 +107,23 @@ def test_joint_decoding_has_the_noise_of_a_single_sensor():
         errors.append(float(np.sqrt(np.nanmean((found - shift) ** 2))))
     assert errors[0] == pytest.approx(errors[1], rel=0.05)
     assert errors[0] > 1e-4
+
+
+@pytest.mark.parametrize("reject", [False, True])
+def test_of_more_readings_than_unknowns_the_misfit_of_noise_is_least(reject):
+    """No small motion of any beam makes the weighted misfit of all readings smaller, by their slopes."""
+    design = replace(DESIGN, hall_layout="tle493d-w2b6", chip_count=3, chip_x=5.0, chip_noise=5e-5)
+    chips = decoder(design, reject_ambient=reject)
+    array, shift = beam_array(chips.forward, 1, 3, 16.0, "up"), shifts(1, 3)
+    noise = chips.sigma * np.random.default_rng(1).normal(size=(1, 3, 9))
+    readings = readings_of_array(array, shift) + noise
+    (found,) = beam_arrays.decoded_jointly(chips, array, readings, shift)
+    values, slopes = slopes_of_array(array, found[None])
+    told = chips.goal.free if reject else np.eye(9)
+    left, along = (np.tensordot(told, each, (1, axis)) for each, axis in ((readings - values, 2), (slopes, 2)))
+    gradient = np.einsum("afi,afijc->jc", left, along)
+    assert np.abs(gradient).max() < 1e-9 * np.abs(left).max() * np.abs(along).max()
+    assert np.abs(left).max() > chips.sigma.max() / 2
 
 
 def test_subtracting_the_neighbours_brings_the_poses_nearer():

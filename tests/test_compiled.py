@@ -46,12 +46,13 @@ def test_without_a_writable_folder_functions_are_compiled_by_each_process(tmp_pa
 def test_every_compiled_source_is_in_the_digest():
     """Else a change in one file would leave machine code of the old one in the files of its callers."""
     from analytic.cylinder import compiled_functions
-    from analytic.inverse import forward_model, pose_search, response_surface
+    from analytic.inverse import forward_model, joint_poses, pose_search, response_surface
     from fem.model import element_assembly, material, viscoelasticity
 
     modules = (
         compiled_functions(),
         forward_model,
+        joint_poses,
         pose_search,
         response_surface,
         element_assembly,

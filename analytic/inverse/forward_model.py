@@ -258,13 +258,17 @@ def read(shift, kernel, values, slopes):
     by_shift, by_turn = np.empty((len(slopes), k, 3)), np.empty((len(slopes), k, 3))
     read_poses(moved, axis, kernel, values, by_shift, by_turn)
     for p in range(len(slopes)):
-        for i in range(k):
-            g, turn = by_shift[p, i], cross(by_turn[p, i], axis[p])
-            for j in range(3):
-                d, e = by_place[p, j], by_axis[p, j]
-                slopes[p, i, j] = (
-                    d[0] * g[0] + d[1] * g[1] + d[2] * g[2] + e[0] * turn[0] + e[1] * turn[1] + e[2] * turn[2]
-                )
+        slopes_by_place(by_shift[p], by_turn[p], axis[p], by_place[p], by_axis[p], slopes[p])
+
+
+@compiled
+def slopes_by_place(by_shift, by_turn, axis, by_place, by_axis, slopes):
+    """Fill the slopes (k, 3) of readings along s_j in a pose, from those of `read_poses` and of `place_magnets`."""
+    for i in range(len(slopes)):
+        g, turn = by_shift[i], cross(by_turn[i], axis)
+        for j in range(3):
+            d, e = by_place[j], by_axis[j]
+            slopes[i, j] = d[0] * g[0] + d[1] * g[1] + d[2] * g[2] + e[0] * turn[0] + e[1] * turn[1] + e[2] * turn[2]
 
 
 @compiled

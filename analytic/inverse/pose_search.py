@@ -403,14 +403,19 @@ def step(f, A, weights, mu):
         p, q, r = p + w * x * f[i], q + w * y * f[i], r + w * z * f[i]
     extra = mu * (a + b + c)
     a, b, c = a + extra, b + extra, c + extra
-    # cofactors of the symmetric matrix [[a, d, e], [d, b, h], [e, h, c]]
-    bc, eh, dh = b * c - h * h, e * h - c * d, d * h - b * e
-    det = a * bc + d * eh + e * dh
+    bc, eh, dh, ac, de, ab, det = cofactors(a, b, c, d, e, h)
     if not det > 0:
         return 0.0, 0.0, 0.0
-    ac, de, ab = a * c - e * e, d * e - a * h, a * b - d * d
     return (
         -(bc * p + eh * q + dh * r) / det,
         -(eh * p + ac * q + de * r) / det,
         -(dh * p + de * q + ab * r) / det,
     )
+
+
+@compiled
+def cofactors(a, b, c, d, e, h):
+    """Return the cofactors of the symmetric matrix [[a, d, e], [d, b, h], [e, h, c]], those from the diagonal on row
+    by row, and its determinant."""
+    bc, eh, dh = b * c - h * h, e * h - c * d, d * h - b * e
+    return bc, eh, dh, a * c - e * e, d * e - a * h, a * b - d * d, a * bc + d * eh + e * dh

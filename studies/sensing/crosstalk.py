@@ -315,12 +315,11 @@ def _noise(coder: Decoder, array: BeamArray, force: Array, shift: Array) -> Flat
 
 
 def _sparse(coder: Decoder, array: BeamArray, force: Array, shift: Array, full: float) -> list[FlatRow]:
-    """Return the errors of joint decoders that know the nearest neighbours only, tared at rest in the whole array."""
-    rest, readings, rows = 0 * shift[:1], readings_of_array(array, shift), []
+    """Return the errors of joint decoders that know the nearest neighbours only, and others as at rest."""
+    readings, rows = readings_of_array(array, shift), []
     for name, over_pitch in REACHES.items():
         near = replace(array, reach=over_pitch * array.pitch)
-        tared = readings - readings_of_array(array, rest) + readings_of_array(near, rest)
-        decoded = forces_of_decoders(coder, near, tared)["jointly"]
+        decoded = forces_of_decoders(coder, near, readings)["jointly"]
         rows.append({"neighbours": name, "reach_mm": near.reach} | _errors("error", decoded, force, full))
     return rows
 

@@ -1,0 +1,208 @@
+"""All poses of an array from one frame of readings: what the elements read of all magnets, and a step to the poses.
+
+With the misfits r of all readings, and the slopes A_ij of those of beam i along the shift of the magnet of beam j,
+Gauss and Newton's step p solves
+
+    A'K A p = A'K r,    K = (W M)'(W M),
+
+with the decoder's weights W and, where it rejects an ambient field, M that takes it off
+(`analytic.inverse.ambient_field`). Conjugate gradients solve it, scaled by the inverses of the beams' own blocks
+A_ii'K A_ii: beams that disturb each other little need some steps, and each step two products for each pair that acts.
+So the work grows as the number of pairs.
+
+An array is a tuple: beams whose elements read and whose magnets act, (2, m), each pair once, the first ascending;
+where the first beam of each lies from the second, (m, 3), mm; the magnets' poles (n,); and the kernel of
+`analytic.inverse.forward_model.Forward`.
+"""
+
+import math
+
+import numpy as np
+
+from analytic.inverse.forward_model import place_magnets, read_poses, slopes_by_place
+from analytic.inverse.pose_search import cofactors
+from geometry.compiled import compiled
+
+STEPS = 20
+"""Largest number of joint steps: from poses decoded one by one four to six suffice."""
+CONVERGED = 1e-13
+"""Length of the next step, over D, at which the iteration ends: as Newton's steps go, it is that of the last one
+times the square of its ratio to the one before, and no less than the share of it that its equations lack."""
+SOLVED = 1e-6
+"""That share, at which conjugate gradients end: of a step that is as short, nothing is left but rounding."""
+
+
+@compiled
+def read_shifted(shift, array, values, slopes):
+    """Fill what each pair's magnet adds at shifts (n, 3), and, if they are not empty, its slopes (m, k, 3)."""
+    n, k, pairs, kernel = len(shift), values.shape[1], array[0], array[3]
+    moved, axis, by_place, by_axis = np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3, 3)), np.empty((n, 3, 3))
+    place_magnets(kernel[4], shift, moved, axis, by_place, by_axis)
+    by_shift, by_turn = np.empty((len(slopes), k, 3)), np.empty((len(slopes), k, 3))
+    read_placed(moved, axis, array, values, by_shift, by_turn)
+    for q in range(len(slopes)):
+        j = pairs[1, q]
+        slopes_by_place(by_shift[q], by_turn[q], axis[j], by_place[j], by_axis[j], slopes[q])
+
+
+@compiled
+def read_placed(moved, axis, array, values, by_shift, by_turn):
+    """Fill what each pair's magnet adds to readings (m, k), by displacements and axes (n, 3) of the magnets."""
+    pairs, offsets, poles, kernel = array
+    m = len(offsets)
+    # the elements see the magnet of another beam where it lies from their own
+    at, along = np.empty((m, 3)), np.empty((m, 3))
+    for q in range(m):
+        j = pairs[1, q]
+        for i in range(3):
+            at[q, i], along[q, i] = moved[j, i] - offsets[q, i], axis[j, i]
+    read_poses(at, along, kernel, values, by_shift, by_turn)
+    for q in range(m):
+        if poles[pairs[1, q]] < 0:
+            values[q] = -values[q]
+            if len(by_shift):
+                by_shift[q], by_turn[q] = -by_shift[q], -by_turn[q]
+
+
+@compiled
+def solve_frame(row, lost, array, scale, shift, values):
+    """Move shifts (n, 3), mm, to those with the readings (n, k), T, and fill what each pair's magnet adds there.
+
+    Return whether they were found.
+    """
+    (metric, D), pairs, (m, k) = scale, array[0], values.shape
+    slopes, last = np.empty((m, k, 3)), 1e-3 * D
+    for _ in range(STEPS):
+        read_shifted(shift, array, values, slopes)
+        misfit = row.copy()
+        for q in range(m):
+            i, j = pairs[0, q], pairs[1, q]
+            for a in range(k):
+                misfit[i, a] -= values[q, a]
+            if lost[i] or lost[j]:
+                slopes[q] = 0.0
+        step, lacking = _least_squares(pairs, slopes, misfit, metric)
+        length = 0.0
+        for p in step:
+            length = max(length, math.sqrt(p[0] * p[0] + p[1] * p[1] + p[2] * p[2]))
+        if math.isnan(length):
+            return False
+        _combine(min(1.0, D / 16 / max(length, 1e-300)), step, 1.0, shift)
+        ratio = length / min(last, 1e-3 * D)
+        last = length
+        if length * max(ratio * ratio, lacking) < CONVERGED * D:
+            for q in range(m):
+                _add(values[q], slopes[q], step[pairs[1, q]])
+            return True
+    return False
+
+
+@compiled
+def _least_squares(pairs, A, misfit, metric):
+    """Return the step (n, 3), mm, that takes misfits (n, k) off by slopes A (m, k, 3), and the share that it lacks.
+
+    Conjugate gradients for the normal equations.
+    """
+    n = len(misfit)
+    p, x, z, weighed, rest = np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3)), misfit.copy(), np.zeros((n, 3))
+    _weigh(metric, misfit, weighed)
+    _gather(pairs, A, weighed, 1.0, rest)
+    scales, moved = _own_inverses(pairs, A, metric), np.empty(misfit.shape)
+    first, last, size = 0.0, 1.0, 0.0
+    for turn in range(3 * n + STEPS):
+        _weigh_each(scales, rest, z)
+        size = _product(z, rest)
+        first = size if turn == 0 else first
+        if not size > SOLVED * SOLVED * first:
+            break
+        _combine(1.0, z, size / last if turn else 0.0, p)
+        moved[:] = 0.0
+        for q in range(len(A)):
+            _add(moved[pairs[0, q]], A[q], p[pairs[1, q]])
+        _weigh(metric, moved, weighed)
+        share = size / _product(moved, weighed)
+        _combine(share, p, 1.0, x)
+        _gather(pairs, A, weighed, -share, rest)
+        last = size
+    return x, math.sqrt(size / first) if first > 0 else 0.0
+
+
+@compiled
+def _add(y, A, x):
+    """Add A x to y, with A of shape (k, 3)."""
+    for a in range(len(y)):
+        y[a] += A[a, 0] * x[0] + A[a, 1] * x[1] + A[a, 2] * x[2]
+
+
+@compiled
+def _gather(pairs, A, b, share, found):
+    """Add share A'b, by pairs, for b (n, k), to (n, 3)."""
+    for q in range(len(A)):
+        i, j = pairs[0, q], pairs[1, q]
+        for a in range(A.shape[1]):
+            weight = share * b[i, a]
+            for c in range(3):
+                found[j, c] += A[q, a, c] * weight
+
+
+@compiled
+def _weigh(metric, rows, found):
+    """Fill the product of a metric (k, k) with each of rows (n, k)."""
+    for i in range(len(rows)):
+        for a in range(len(metric)):
+            found[i, a] = 0.0
+            for b in range(len(metric)):
+                found[i, a] += metric[a, b] * rows[i, b]
+
+
+@compiled
+def _weigh_each(scales, rows, found):
+    """Fill the product of matrices (n, 3, 3) with rows (n, 3)."""
+    found[:] = 0.0
+    for i in range(len(rows)):
+        _add(found[i], scales[i], rows[i])
+
+
+@compiled
+def _product(x, y):
+    """Return the scalar product of two arrays of rows."""
+    total = 0.0
+    for i in range(len(x)):
+        for a in range(x.shape[1]):
+            total += x[i, a] * y[i, a]
+    return total
+
+
+@compiled
+def _combine(share, x, kept, y):
+    """Turn y (n, 3) into share x + kept y."""
+    for i in range(len(x)):
+        for c in range(3):
+            y[i, c] = share * x[i, c] + kept * y[i, c]
+
+
+@compiled
+def _own_inverses(pairs, A, metric):
+    """Return the inverses (n, 3, 3) of the beams' own blocks of A'K A, near a fold those of some larger ones; 0 for
+    beams that are held."""
+    found, block, k = np.zeros((pairs[0, -1] + 1, 3, 3)), np.empty((3, 3)), len(metric)
+    for q in range(len(A)):
+        if pairs[0, q] != pairs[1, q]:
+            continue
+        block[:] = 0.0
+        for a in range(k):
+            for b in range(k):
+                for c in range(3):
+                    for d in range(3):
+                        block[c, d] += metric[a, b] * A[q, a, c] * A[q, b, d]
+        more = 1e-12 * (block[0, 0] + block[1, 1] + block[2, 2])
+        bc, eh, dh, ac, de, ab, det = cofactors(
+            *(block[0, 0] + more, block[1, 1] + more, block[2, 2] + more),
+            *(block[0, 1], block[0, 2], block[1, 2]),
+        )
+        if det > 0:
+            inverse = found[pairs[0, q]]
+            inverse[0, 0], inverse[1, 1], inverse[2, 2] = bc / det, ac / det, ab / det
+            inverse[0, 1], inverse[0, 2], inverse[1, 2] = eh / det, dh / det, de / det
+            inverse[1, 0], inverse[2, 0], inverse[2, 1] = eh / det, dh / det, de / det
+    return found
