@@ -156,6 +156,9 @@ def pictures(path: Path) -> list[str]:
 
 def _run_all(path: Path, root: Path) -> str | None:
     """Run a document with a store of its own, and return what is not as it is shown."""
+    from studies.output.solution_pictures import quiet
+
+    quiet()
     (root / path.stem).mkdir(parents=True)
     os.environ |= {"MAGTIP_STORE": str(root / f"{path.stem}.sqlite"), "COLUMNS": "100", "PYTHONPATH": str(ROOT)}
     try:

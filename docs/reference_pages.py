@@ -29,6 +29,7 @@ PAGES = ["design", "load", "python", "quantities", "requirements", "verbs", *(f"
 DRAWINGS = {
     "sensor.svg": symbol_drawings.lengths,
     "loads.svg": symbol_drawings.loads,
+    "reference/chips.svg": symbol_drawings.chips,
     "reference/mesh.svg": symbol_drawings.mesh,
     "reference/tips.svg": symbol_drawings.tips,
 }

@@ -48,11 +48,18 @@ def lengths(design: Design) -> str:
         side.arrows.append(((-0.3 * design.magnet_diameter, design.H), (0.0, down * BOLD), "N", "end"))
     above.projection(parts["base"])
     add_lengths(design, parts, elements, side, above)
-    for view, axes in ((side, "xz"), (above, "xy")):
+    below_base = parts["base"].bounding_box().min.Z - 0.4 * design.D
+    for view, axes, lowest in ((side, "xz", below_base), (above, "xy", math.inf)):
         left, _, low, _ = view.box
-        _frame(view, (left, low), axes)
+        _frame(view, (left, min(low, lowest)), axes)
         add_axis(view)
     return picture("Lengths of the sensor", [[side], [above]], BEAM / max(design.L, design.D))
+
+
+def chips(design: Design) -> str:
+    """Return the drawing of lengths of a design with three 3-axis chips in place of its elements, as SVG."""
+    around = {"hall_layout": "tle493d-w2b6", "chip_count": 3, "chip_x": 0.625 * design.D, "l0": design.H + 3}
+    return lengths(replace(design, **around))
 
 
 def loads(design: Design) -> str:
