@@ -58,8 +58,8 @@ def lengths(design: Design) -> str:
 
 def chips(design: Design) -> str:
     """Return the drawing of lengths of a design with three 3-axis chips in place of its elements, as SVG."""
-    around = {"hall_layout": "tle493d-w2b6", "chip_count": 3, "chip_x": 0.625 * design.D, "l0": design.H + 3}
-    return lengths(replace(design, **around))
+    aside, below = 0.625 * design.D, design.H + 3
+    return lengths(replace(design, hall_layout="tle493d-w2b6", chip_count=3, chip_x=aside, l0=below))
 
 
 def loads(design: Design) -> str:
