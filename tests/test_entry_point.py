@@ -57,6 +57,8 @@ BAD = [
     ("analytic paper", "analytic needs --depth: add --depth and its value"),
     ("analytic paper --depth 5", "depth must not exceed the tip radius D/2 = 4 mm"),
     ("cad paper --out /proc/parts", "cannot write to the folder '/proc/parts'"),
+    ("cad paper --ouut parts", "there is no option --ouut: did you mean --out?"),
+    ("array paper --pitch 16mm", "--pitch takes a number alone, in the unit that its help names; got '16mm'"),
     ("mesh paper --out mesh.vtu --size 0.01", "size must lie between D/50 = 0.16 and D = 8 mm; got 0.01 mm"),
     ("stability paper --slenderness 1e9", "--slenderness must be at most 500 with D = 8 mm"),
     ("stability paper --slenderness 0", "--slenderness must exceed 0.5"),

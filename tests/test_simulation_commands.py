@@ -229,6 +229,16 @@ def test_solve_and_sweep_have_one_status_and_one_exit_status_for_one_state(run, 
     assert solved["message"] == row["message"].partition("; no formula")[0]
 
 
+@pytest.mark.parametrize(("models", "word", "ended"), [("finite,surrogate", "ok", 0), ("surrogate", "bad_input", 3)])
+def test_without_finite_elements_a_case_fails_if_no_model_answers_it(run, strict, models, word, ended):
+    """The surrogate knows no press of 1 mm of so slender a beam; formulas do."""
+    case = ("paper", "--set", "L=30", "--axis", "depth=1", "--quantities", "force", "--json")
+    status, out, _ = run("sweep", *case, "--models", models)
+    (row,) = strict(out)
+    assert (status, row["status"], row.get("surrogate_status", "bad_input")) == (ended, word, "bad_input")
+    assert "the surrogate knows a press to stay stable to" in row["message"]
+
+
 def test_a_response_beyond_buckling_has_the_status_and_the_message_of_a_solve(run, strict):
     sensor = ("paper", "--set", "L=24", "--magnet", "ignored", "--depth", "3", "--accuracy", "quick")
     told = "a beam whose tip slides freely on the plate buckles sideways"

@@ -18,6 +18,7 @@ from typing import Any
 
 from cyclopts import (
     App,
+    CoercionError,
     CycloptsError,
     Group,
     MissingArgumentError,
@@ -114,10 +115,13 @@ def _joined(tokens: list[str]) -> list[str]:
 
 
 def _unknown(error: UnknownOptionError) -> str:
+    known = [name for argument in error.argument_collection for name in argument.names if name.startswith("--")]
+    return _no_option(error.token.keyword or error.token.value, known)
+
+
+def _no_option(option: str, known: list[str]) -> str:
     import difflib
 
-    option = error.token.keyword or error.token.value
-    known = [name for argument in error.argument_collection for name in argument.names if name.startswith("--")]
     close = difflib.get_close_matches(option.strip("-"), [name.strip("-") for name in known], n=1)
     remedy = f"did you mean --{close[0]}?" if close else f"choose one of {', '.join(known)}"
     return f"there is no option {option}{f': {remedy}' if known else ''}"
@@ -145,7 +149,18 @@ def _missing(error: MissingArgumentError) -> str:
         remedy = f"one that begins with a minus is written {joined}" if joined else "add it behind the option"
         return f"{verb}: {error.keyword} needs a value: {remedy}"
     name = error.argument.name
+    surplus = [word.partition("=")[0] for word in error.unused_tokens or () if word.startswith("--")]
+    if surplus and error.app:
+        known = [each for one in error.app.assemble_argument_collection() for each in one.names]
+        return _no_option(surplus[0], known)
     return f"{verb} needs {name}: add {f'{name} and its value' if name.startswith('--') else 'it behind the verb'}"
+
+
+def _no_number(error: CoercionError) -> str:
+    token, number = error.token, re.compile(r"[-+]?[\d.]+ ?[^\d\s,:.][^\d,:]*")
+    if error.target_type is not float or token is None or not number.fullmatch(token.value):
+        return str(error)
+    return f"{token.keyword} takes a number alone, in the unit that its help names; got {token.value!r}"
 
 
 def _unused(error: UnusedCliTokensError) -> str:
@@ -172,6 +187,7 @@ def as_options(message: str) -> str:
 
 
 REMEDIES: dict[type[Exception], Callable[[Any], str]] = {
+    CoercionError: _no_number,
     UnknownCommandError: _moved,
     UnknownOptionError: _unknown,
     MissingArgumentError: _missing,
