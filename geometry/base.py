@@ -23,6 +23,7 @@ from geometry.design import BadInput, Design
 from geometry.fabrication import breakout_boards, engraved_marks, hall_elements
 from geometry.fabrication.hall_elements import CLOSE, SS495A, WEB, Block, Seats, heights, places
 from geometry.fabrication.printability import PROCESSES, Check, at_least, at_most
+from geometry.mold import screw_length
 
 if TYPE_CHECKING:
     from build123d import Solid
@@ -39,6 +40,9 @@ THREADS = (1.0, 1.2, 1.6, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0)
 EDGE = 1.5
 """Least distance of the edge of the base from a screw hole and from the beam, mm."""
 
+
+RECESS = 0.4
+"""Depth of a recess where none is chosen, mm: two common layers of filament printing are enough to feel its rim."""
 
 MOUTH = (0.2, 0.3)
 """Width and height of the chamfer at the mouth of a pocket in the underside, mm: it is printed on the bed, where
@@ -60,7 +64,8 @@ class Base:
     seat_fit : gap around an element in its seat; default: half the fit of the process.
     seat_wall : thickness of the posts' walls, and least distance of the edge of the base from a seat. The edge of a
         round base is as far from the recess too.
-    recess : depth of the pocket that centres the beam, 0 for none; default: 0.4 on a round base, 0 on a square one.
+    recess : depth of the pocket that centres the beam, 0 for none; default: 0.4 on a round base and on that of an
+        array, 0 on a square one.
     recess_gap : radial gap between beam and pocket; default: the fit of the process.
     screw : diameter of the four holes on the diagonals (2.2 for M2 screws), 0 for none; default: 2.2 on a square
         base, 0 on a round one.
@@ -166,8 +171,7 @@ def plan(design: Design, base: Base, process: str = "fdm") -> Plan:
                 "leave thickness out"
             )
         seats = hall_elements.chip_seats(design, fit, thickness)
-    # two common layers of filament printing are enough to feel the rim of a recess
-    recess = (0.4 if base.is_round else 0.0) if base.recess is None else base.recess
+    recess = (RECESS if base.is_round else 0.0) if base.recess is None else base.recess
     recess_radius = design.R + (PROCESSES[process].fit if base.recess_gap is None else base.recess_gap)
     screw = base.hole
     foot = recess_radius if recess else design.R
@@ -287,6 +291,20 @@ def _openings(seats: Seats, recess: float, recess_radius: float) -> tuple[Block,
     return tuple(openings)
 
 
+BOARDS = (1.6, 0.8)
+"""Thicknesses of a board under the base, the usual one first, mm."""
+
+
+def base_screw(plan: Plan, board: float = BOARDS[0], below: float = 0.0) -> float:
+    """Return the length of the screws through base, board and what lies below, mm; 0 without screws.
+
+    Nut and washer are together as high as the thread is wide (ISO 4032, ISO 7089).
+    """
+    if not plan.screw:
+        return 0
+    return screw_length(below + board + plan.thickness + plan.recess + screw_thread(plan.screw))
+
+
 def screw_thread(hole: float) -> float:
     """Return the metric thread, mm, of a screw through a hole: the largest that leaves it a clearance.
 
@@ -296,21 +314,23 @@ def screw_thread(hole: float) -> float:
     return max((thread for thread in THREADS if thread < hole), default=hole)
 
 
-def outer_size(design: Design, plan: Plan) -> tuple[Vector, float]:
+def outer_size(design: Design, plan: Plan, whole: ArrayPlan | None = None) -> tuple[Vector, float]:
     """Return the outer size of the sensor along x, y, z, and the length of the leads below the base, both in mm.
+
+    whole : of an array, whose size it is.
 
     The outer size covers base, beam and bodies of the Hall elements, without board and screws.
     """
     top, low = heights(design)
     high = max(design.L, top, plan.recess)
-    return (2 * plan.half, 2 * plan.half, high + plan.thickness), max(0.0, -plan.thickness - low)
+    sides = whole.sides if whole else (2 * plan.half, 2 * plan.half)
+    return (*sides, high + plan.thickness), max(0.0, -plan.thickness - low)
 
 
-def base(design: Design, choices: Base, process: str = "fdm") -> Solid:
-    """Return the solid of the base in the sensor's frame, mm; `plan` refuses what does not fit."""
+def base(p: Plan) -> Solid:
+    """Return the solid of a base in the sensor's frame, mm."""
     import build123d as bd
 
-    p = plan(design, choices, process)
     height = p.thickness + p.recess
     if p.is_round:
         plate = turned([(0, -p.thickness, 0), (p.half, -p.thickness, 0), (p.half, p.recess, 0), (0, p.recess, 0)])
@@ -328,16 +348,39 @@ def base(design: Design, choices: Base, process: str = "fdm") -> Solid:
     return cut(plate, *tools)
 
 
-def array_base(array: ArrayDesign, choices: Base, process: str = "fdm") -> Solid:
-    """Return one plate for the beams of an array, in their frame, mm: pockets at their places, screws at its corners.
+@dataclass(frozen=True, slots=True, eq=False)
+class ArrayPlan:
+    """The lengths of one plate for all beams of an array, mm, in the frame of their places.
+
+    Attributes
+    ----------
+    one : the plan of one beam's base, whose pockets and recess each beam has.
+    box : least x and y, and greatest x and y of the plate.
+    screws : x and y of the centres of the screw holes, at the corners.
+    """
+
+    array: ArrayDesign
+    one: Plan
+    box: tuple[float, float, float, float]
+    screws: tuple[Point, ...]
+
+    @property
+    def sides(self) -> Point:
+        west, south, east, north = self.box
+        return east - west, north - south
+
+
+def array_plan(array: ArrayDesign, choices: Base, process: str = "fdm") -> ArrayPlan:
+    """Return the plan of one plate for the beams of an array: pockets at their places, screws at its corners.
 
     Raises
     ------
     BadInput
         The base of one beam cannot be, or needs its own edge, or too little is left between those of neighbours.
     """
-    import build123d as bd
-
+    if choices.recess is None:
+        # beams far from the edge have nothing else to lie at
+        choices = dataclasses.replace(choices, recess=RECESS)
     design, p = array.design, plan(array.design, choices, process)
     if design.hall_layout == "three" or choices.breakout:
         raise BadInput(
@@ -349,18 +392,25 @@ def array_base(array: ArrayDesign, choices: Base, process: str = "fdm") -> Solid
         raise BadInput(
             f"pockets and recesses of neighbours leave {gap:.3g} mm of the base between them, and {WEB:g} mm are "
             f"needed: take a pitch of {math.ceil(100 * (array.pitch + WEB - gap)) / 100:g} mm or more"
+            + (", or a base without recesses (recess=0)" if p.recess else "")
         )
     (west, south), (east, north) = array.places.min(axis=0).tolist(), array.places.max(axis=0).tolist()
+    screws = tuple(((east if x > 0 else west) + x, (north if y > 0 else south) + y) for x, y in p.screws)
+    return ArrayPlan(array, p, (west - p.half, south - p.half, east + p.half, north + p.half), screws)
+
+
+def array_base(whole: ArrayPlan) -> Solid:
+    """Return one plate for the beams of an array, in the frame of their places, mm."""
+    import build123d as bd
+
+    p, (west, south, _, _) = whole.one, whole.box
     height, low = p.thickness + p.recess, -p.thickness
-    sides = east - west + 2 * p.half, north - south + 2 * p.half, height
-    plate = Block((west - p.half, south - p.half, low), sides).solid()
+    plate = Block((west, south, low), (*whole.sides, height)).solid()
     pockets = [seat.solid() for seat in p.seats.bodies.values()] + [_mouth(seat) for seat in p.seats.bodies.values()]
     if p.recess > 0:
         pockets.append(turned([(0, 0, 0), (p.recess_radius, 0, 0), (p.recess_radius, p.recess, 0), (0, p.recess, 0)]))
-    tools = [moved(pocket, (x, y, 0.0)) for x, y in array.places.tolist() for pocket in pockets]
-    for x, y in p.screws:
-        at = (east if x > 0 else west) + x, (north if y > 0 else south) + y, low
-        tools.append(bd.Solid.make_cylinder(p.screw / 2, height, bd.Plane(at)))
+    tools = [moved(pocket, (x, y, 0.0)) for x, y in whole.array.places.tolist() for pocket in pockets]
+    tools += [bd.Solid.make_cylinder(p.screw / 2, height, bd.Plane((x, y, low))) for x, y in whole.screws]
     return cut(plate, *tools)
 
 
@@ -387,6 +437,14 @@ def _mouth(seat: Block) -> Solid:
     plane = bd.Plane((x - out, y + width + out, z), x_dir=(1, 0, 0), z_dir=(0, -1, 0))
     sides = length + 2 * out, high, width + 2 * out
     return bd.Solid.make_wedge(*sides, out, out, out + length, out + width, plane)
+
+
+def array_checks(whole: ArrayPlan, solid: Solid, bodies: dict[str, Solid]) -> list[Check]:
+    """Measure the overlaps of the base of an array with beams and elements at their places."""
+    parts = [beam(whole.array.design), *bodies.values()]
+    at = [(x, y, 0.0) for x, y in whole.array.places.tolist()]
+    shared = max(overlap(solid, moved(part, place)) for place in at for part in parts)
+    return [at_most("overlap of the array's base with beams and Hall elements", shared, 1e-9, "mm3")]
 
 
 def warnings(design: Design) -> list[str]:

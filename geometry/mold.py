@@ -6,7 +6,8 @@ that fits around B, and a pin. The pin reaches from the base plane to the far si
 pocket for it.
 
 The first pour fills the cavity of the closed mould. Then A is lifted off, the magnet is put into the pocket, and the
-second pour covers it up to B's rim. A mould of several cavities has columns x rows of them in one B under one A.
+second pour covers it up to B's rim. A mould of several cavities has columns x rows of them in one B under one A, or
+one for each beam of an array at its place, seen from below the base: x as in the array, y reversed.
 Screws through lugs of A and B hold A down. Screws through ears across the split clamp the halves of a split B.
 
 Shrinkage of the silicone enlarges cavity and pin by 1/(1 - shrink), but not the fit of A on B.
@@ -14,8 +15,9 @@ Shrinkage of the silicone enlarges cavity and pin by 1/(1 - shrink), but not the
 
 import itertools
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
+from geometry.array_design import ArrayDesign
 from geometry.arrays import Point
 from geometry.bad_input import check_ranges, nearest, quantity
 from geometry.cad import Corner, beam_volume, magnet_volume, turned_volume
@@ -25,6 +27,9 @@ from geometry.fabrication.printability import PROCESSES, Process
 VISCOSITY, PRESS, CLOSING = 20.0, 20.0, 10.0
 """Viscosity of a mixed silicone, Pa s (that of stiff casting silicones is 20 to 25), force of a hand that closes the
 mould, N, and the time in which the pins' surplus leaves by the vents, s."""
+
+MOST = 100
+"""Largest number of cavities for an array: as many as columns and rows allow."""
 
 LARGEST_VENT = 0.8
 """Largest diameter of a vent, as a fraction of the annulus between pin and cavity wall."""
@@ -87,6 +92,7 @@ class Mold:
         the magnet allows it.
     marks : 1 to engrave A on the lid, B on the foot, and the pole of the magnet that faces up in the mould (N or S).
     dowel : diameter of the two pins that align the halves of B, across the split; default: 2.
+    array : whose beams have a cavity each, in place of columns and rows; None: a mould of equal sensors.
 
     Raises
     ------
@@ -95,6 +101,7 @@ class Mold:
     """
 
     process: str = "fdm"
+    array: ArrayDesign | None = field(default=None, metadata={"stated": "in a table of its own"})
     shrink: float = quantity(0.0, "1", 0.0, 0.2)
     pocket_gap: float = quantity(0.0, "mm", -20.0, 20.0)
     pin_edge: float | None = quantity(None, "mm", 0.0, 100.0)
@@ -124,9 +131,24 @@ class Mold:
                 f"rows must be 1 when split is 1, as B is split along a row; got {self.rows}: set rows=1 or split=0"
             )
 
+        if self.array is not None and not len(self.array) <= MOST:
+            raise BadInput(
+                f"a mould has {MOST} cavities at most; got an array of {len(self.array)} beams: cast it in "
+                "several times, in a mould of columns=10"
+            )
+
     @property
     def printing(self) -> Process:
         return PROCESSES[self.process]
+
+    @property
+    def cavities(self) -> int:
+        return self.columns * self.rows if self.array is None else len(self.array)
+
+    @property
+    def poles(self) -> list[float]:
+        """1 for each cavity, or -1 where the magnet lies the other way up than the design's."""
+        return [1.0] * self.cavities if self.array is None else self.array.poles.tolist()
 
 
 @dataclass(frozen=True, slots=True)
@@ -217,6 +239,11 @@ class Sizes:
     centres: tuple[tuple[float, float], ...]
 
     @property
+    def pitch(self) -> float:
+        """The least distance of two axes, mm; infinity for one cavity."""
+        return min(itertools.starmap(math.dist, itertools.combinations(self.centres, 2)), default=math.inf)
+
+    @property
     def reach(self) -> Point:
         """Distances of a lug's face beside A's skirt and of its screw from the rectangle of the axes, mm."""
         inner = self.rim + LUG_GAP
@@ -279,10 +306,12 @@ def sizes(design: Design, mold: Mold) -> Sizes:
     dowel = _dowel(mold, free + floor)
     # half the fit of the process around a pin, as around an element in its seat
     hole = dowel + process.fit
-    x, y = ([pitch * (k - (count - 1) / 2) for k in range(count)] for count in (mold.columns, mold.rows))
-    ears, lugs = None, _lugs(x[-1], y[-1], inner + wall)
+    centres = _centres(mold, pitch)
+    far_x, far_y = (max(centre[k] for centre in centres) for k in (0, 1))
+    ears, lugs = None, _lugs(far_x, far_y, inner + wall)
     if mold.split:
         x, stations, lugs = _row(mold.columns, pitch, wall, inner + wall)
+        centres = [(each, 0.0) for each in x]
         ears = _ears(x[-1], stations, outer, inner + wall, -free - floor, -skirt - mold.pry_gap, hole)
     return Sizes(
         R=R,
@@ -306,8 +335,20 @@ def sizes(design: Design, mold: Mold) -> Sizes:
         dowel_hole=hole,
         ears=ears,
         lugs=lugs,
-        centres=tuple(itertools.product(x, y)),
+        centres=tuple(centres),
     )
+
+
+def _centres(mold: Mold, least: float) -> list[Point]:
+    """Return the axes of the cavities, mm, about the middle, `least` or more apart.
+
+    Those of an array stand as its beams do, or farther apart where their walls would be too thin.
+    """
+    if mold.array is None:
+        x, y = ([least * (k - (count - 1) / 2) for k in range(count)] for count in (mold.columns, mold.rows))
+        return list(itertools.product(x, y))
+    places = mold.array.places * max(1.0, least / mold.array.pitch) * [1.0, -1.0]
+    return [(x, y) for x, y in (places - (places.min(axis=0) + places.max(axis=0)) / 2 + 0.0).tolist()]
 
 
 def _skirt(mold: Mold, free: float) -> float:
@@ -400,7 +441,7 @@ def _flowing(mold: Mold, lid: float, R: float, surplus: float) -> float:
 
     A pipe of diameter d and length l lets pi d^4 p / (128 mu l) pass; a hand presses with p on all cavities.
     """
-    pressure = PRESS / (mold.columns * mold.rows * math.pi * R**2)
+    pressure = PRESS / (mold.cavities * math.pi * R**2)
     # Pa s = 1e-6 N s/mm²
     return float((128e-6 * VISCOSITY * lid * surplus / (math.pi * mold.vents * pressure * CLOSING)) ** 0.25)
 

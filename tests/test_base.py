@@ -10,7 +10,7 @@ import pytest
 from analytic.parts import of_design
 from geometry import cad
 from geometry.array_design import ArrayDesign, grid_array
-from geometry.base import EDGE, Base, array_base, base, checks, outer_size, plan, warnings
+from geometry.base import EDGE, Base, array_base, array_plan, base, checks, outer_size, plan, warnings
 from geometry.cad import overlap
 from geometry.design import BadInput, Design
 from geometry.fabrication import breakout_boards, solid_files
@@ -24,7 +24,7 @@ CHIP = Design(hall_layout="tle493d-w2b6", l0=8.0)
 
 def test_one_base_holds_the_chips_of_an_array_at_their_places():
     array = ArrayDesign(CHIP, np.array([[0.0, 0.0], [12.0, 0.0], [6.0, 11.0]]), np.ones(3))
-    solid, parts = array_base(array, Base(screw=2.2)), bodies(CHIP)
+    solid, parts = array_base(array_plan(array, Base(screw=2.2, recess=0.0))), bodies(CHIP)
     single = plan(CHIP, Base(screw=2.2))
     assert solid.is_valid
     box = solid.bounding_box(optimal=False)
@@ -34,6 +34,7 @@ def test_one_base_holds_the_chips_of_an_array_at_their_places():
     for x, y in array.places.tolist():
         assert max(overlap(solid, cad.moved(body, (x, y, 0.0))) for body in parts.values()) < 1e-9
         assert overlap(solid, cad.moved(disc, (x, y, 0.0))) == pytest.approx(disc.volume, rel=1e-9)
+    assert array_plan(array, Base()).one.recess == 0.4
     # three pockets of equal volume, four screws
     pocket, hole = sum(math.prod(seat.sides) for seat in single.seats.bodies.values()), math.pi * 1.1**2
     left = (long * wide - 4 * hole) * single.thickness - 3 * pocket
@@ -44,9 +45,9 @@ def test_one_base_holds_the_chips_of_an_array_at_their_places():
 
 def test_a_base_of_an_array_needs_chips_and_room_between_them():
     with pytest.raises(BadInput, match="a base for an array is made for chips"):
-        array_base(grid_array(Design(), 1, 2, 20.0), Base())
+        array_plan(grid_array(Design(), 1, 2, 20.0), Base())
     with pytest.raises(BadInput, match="take a pitch of"):
-        array_base(grid_array(CHIP, 1, 2, 8.5), Base(shape="round"))
+        array_plan(grid_array(CHIP, 1, 2, 8.5), Base(shape="round"))
 
 
 BARE = {"magnet_diameter": 0, "magnet_height": 0, "magnet_edge_radius": 0}
@@ -78,7 +79,7 @@ def name_of(value):
 @pytest.mark.parametrize("choices", [SQUARE, ROUND], ids=name_of)
 @pytest.mark.parametrize("design", DESIGNS, ids=name_of)
 def test_elements_sit_in_their_seats_and_the_base_prints(design, choices):
-    solid, parts = base(design, choices), bodies(design)
+    solid, parts = base(plan(design, choices)), bodies(design)
     assert solid.is_valid
     assert [check.name for check in checks(design, solid, parts) if not check.passed] == []
     assert [
@@ -113,7 +114,7 @@ def test_the_outer_size_equals_that_of_the_solids(fields):
     p = plan(design, Base())
     size, leads = outer_size(design, p)
     boxes = {name: body.bounding_box() for name, body in bodies(design).items()}
-    plate, form = base(design, Base()).bounding_box(), cad.beam(design).bounding_box()
+    plate, form = base(plan(design, Base())).bounding_box(), cad.beam(design).bounding_box()
     low = plate.min.Z
     assert size[:2] == pytest.approx((plate.size.X, plate.size.Y), abs=1e-6)
     assert size[2] == pytest.approx(max(box.max.Z for box in (plate, form, *boxes.values())) - low, abs=1e-6)
@@ -164,7 +165,7 @@ def test_bad_input(fields, choices, text):
 def test_an_element_that_overlaps_the_base_fails_the_check():
 
     design = Design()
-    solid, parts = base(design, Base()), bodies(design)
+    solid, parts = base(plan(design, Base())), bodies(design)
     lifted = parts | {"S2": parts["S2"].moved(bd.Location((-0.7, 0, 0)))}
     assert [check.passed for check in checks(design, solid, lifted)] == [False, False]
 
@@ -194,12 +195,12 @@ def test_the_floor_of_the_recess_is_the_base_plane(shape):
     deep, flat = (Base(shape=shape, outer=16, screw=0, recess=recess, recess_gap=0.1) for recess in (0.5, 0))
     assert plan(design, deep).thickness == plan(design, flat).thickness
     assert plan(design, deep).seats.bodies == plan(design, flat).seats.bodies
-    solid, body = base(design, deep), cad.beam(design)
+    solid, body = base(plan(design, deep)), cad.beam(design)
     assert cad.overlap(solid, body) == 0
     assert solid.distance_to(body) == pytest.approx(0, abs=1e-9)
     top = {"square": 16**2, "round": math.pi * 8**2}[shape]
     rim = (top - math.pi * 4.1**2) * 0.5
-    assert solid.volume - base(design, flat).volume == pytest.approx(rim, rel=1e-9)
+    assert solid.volume - base(plan(design, flat)).volume == pytest.approx(rim, rel=1e-9)
 
 
 CHIP_4 = Design(D=4, L=4.5, l0=4.1, hall_layout="tmag5273a1", magnet_diameter=1, magnet_height=1)
@@ -208,7 +209,7 @@ CHIP_4 = Design(D=4, L=4.5, l0=4.1, hall_layout="tmag5273a1", magnet_diameter=1,
 @pytest.mark.parametrize(("shape", "process"), [("square", "fdm"), ("round", "sla")])
 @pytest.mark.parametrize("design", [Design(), Design(c=4.0, f=7.0), CHIP_4, DESIGNS[6]], ids=name_of)
 def test_grooves_mark_x_and_y_and_the_base_passes_its_checks(design, shape, process):
-    plain, marked = (base(design, Base(shape=shape, marks=marks), process) for marks in (0, 1))
+    plain, marked = (base(plan(design, Base(shape=shape, marks=marks), process)) for marks in (0, 1))
     removed, width = plain.cut(marked).solids(), PROCESSES[process].stroke
     centres = [solid.bounding_box().center() for solid in removed]
     places = sorted(((centre.X, centre.Y) for centre in centres), key=lambda place: abs(place[1]))
@@ -226,7 +227,8 @@ def test_grooves_mark_x_and_y_and_the_base_passes_its_checks(design, shape, proc
 
 @pytest.mark.parametrize("design", [Design(), Design(hall_layout="tmag5273a1")], ids=name_of)
 def test_the_mouth_of_a_pocket_in_the_underside_is_wider(design):
-    p, solid = plan(design, SQUARE), base(design, SQUARE)
+    p = plan(design, SQUARE)
+    solid = base(p)
     seat = next(iter(p.seats.bodies.values()))
     (x, y, z), length = seat.corner, seat.sides[0]
     for height, share in ((0.0, 0.0), (0.3, 1.0)):
@@ -249,7 +251,7 @@ def test_a_breakout_board_fits_under_its_base_with_its_chip_in_place(name):
     board, centre = breakout_boards.breakout(name, design)
     p = plan(design, choice)
     assert board.placed(board.chip, centre) == pytest.approx((0.0, 0.0))
-    solid = base(design, choice)
+    solid = base(plan(design, choice))
     for part in board.parts:
         (left, low), (right, high) = (board.placed(at, centre) for at in (part["box"][:2], part["box"][2:]))
         corner = min(left, right), min(low, high), -p.thickness

@@ -57,7 +57,7 @@ def test_a_fixture_holds_the_base_over_the_load_cell(choices, cell):
     fixture = bench_parts.fixture(p, process, cell)
     solid = bench_parts.fixture_solid(p, process, fixture)
     assert len(solid.solids()) == 1
-    checks = bench_parts.fixture_checks(p, fixture, solid, base(paper(), choices))
+    checks = bench_parts.fixture_checks(p, fixture, solid, base(p))
     assert all(check.passed for check in checks), checks
     assert all(check.passed for check in printable("fixture", facets("fixture", standing(solid), 0.01), process))
     assert (fixture.off == 0.0) is (choices.outer is None)
@@ -84,7 +84,4 @@ def test_a_breakout_board_goes_onto_the_fixture_by_its_holes():
     p = plan(design, Base(breakout="sparkfun-tmag5273"))
     fixture = bench_parts.fixture(p, Mold().printing, "")
     solid = bench_parts.fixture_solid(p, Mold().printing, fixture)
-    assert all(
-        check.passed
-        for check in bench_parts.fixture_checks(p, fixture, solid, base(design, Base(breakout="sparkfun-tmag5273")))
-    )
+    assert all(check.passed for check in bench_parts.fixture_checks(p, fixture, solid, base(p)))

@@ -57,7 +57,7 @@ def test_a_view_from_above_shows_x_to_the_right_and_y_upwards():
     ids=["paper", "plate", "small", "large"],
 )
 def test_sheets_are_svg_with_their_dimensions_inside_their_frame(design, mold, pole):
-    parts = {"base": base(design, Base()), "silicone": cad.silicone(design), "magnet": cad.magnet(design)}
+    parts = {"base": base(plan(design, Base())), "silicone": cad.silicone(design), "magnet": cad.magnet(design)}
     A, B = closed_mold(design, mold)
     texts = part_drawings.sheets(design, plan(design, Base()), mold.printing, parts, bodies(design))
     texts["mould"] = part_drawings.mold_sheet(design, mold, sizes(design, mold), A, [B])
@@ -72,7 +72,7 @@ def test_sheets_are_svg_with_their_dimensions_inside_their_frame(design, mold, p
         # programs that do not know paint-order would draw a stroke over its own text
         assert words == halos
         assert title.capitalize() in words
-        assert re.search(r"scale \d+:\d+ on A4; all lengths in mm", " ".join(words))
+        assert re.search(r"scale [\d.]+:\d+ on A4; all lengths in mm", " ".join(words))
         assert re.search(r"design [0-9a-f]{12}, \d{4}-\d\d-\d\d, general tolerance ±0.1", " ".join(words))
         assert overprints(shown) == []
         assert "nan" not in text
@@ -102,7 +102,7 @@ def overprints(shown):
 
 
 def test_long_views_stand_one_above_the_other_and_high_ones_side_by_side():
-    for corners, scale in (((0, 0), (100, 20)), "2:1"), (((0, 0), (20, 60)), "2:1"):
+    for corners, scale in (((0, 0), (100, 20)), "2.5:1"), (((0, 0), (20, 60)), "2.5:1"):
         views = View("one"), View("two")
         for view in views:
             view.paths.append(([[Piece(*corners)]], "outline"))
@@ -117,7 +117,7 @@ def test_sheets_of_a_split_mould_and_of_four_chips_print_no_text_over_another():
     lengths = magnet_jig.lengths(design, mold)
     texts.append(part_drawings.jig_sheet(design, mold, s, lengths, magnet_jig.solids(design, mold, lengths), B))
     four = Design(hall_layout="tlv493d-a1b6", chip_count=4, chip_x=6.0, l0=8.0, c=0.0)
-    parts = {"base": base(four, Base()), "silicone": cad.silicone(four), "magnet": cad.magnet(four)}
+    parts = {"base": base(plan(four, Base())), "silicone": cad.silicone(four), "magnet": cad.magnet(four)}
     drawn = part_drawings.sheets(four, plan(four, Base()), mold.printing, parts, bodies(four))
     found = [
         [node for node in ElementTree.fromstring(text).iter() if node.tag.endswith("}text")]

@@ -6,8 +6,10 @@ import math
 import pytest
 
 from geometry import cad
+from geometry.array_design import grid_array
 from geometry.design import BadInput, Design
 from geometry.fabrication import magnet_jig, mold_solids, solid_files
+from geometry.fabrication.engraved_marks import MARGIN
 from geometry.fabrication.mold_solids import printable
 from geometry.fabrication.printability import standing
 from geometry.mold import Mold, sizes
@@ -33,6 +35,24 @@ def parts_of(design, mold):
 @pytest.fixture(scope="module")
 def usual():
     return parts_of(Design(), Mold())
+
+
+def test_letters_stand_beside_the_bores_whose_poles_they_are():
+    design = dataclasses.replace(Design(), magnet_north="up")
+    for pitch in (16.0, 11.0):
+        mold = Mold(array=grid_array(design, 2, 3, pitch, "checkerboard"))
+        s, jig = sizes(design, mold), magnet_jig.lengths(design, mold)
+        found = magnet_jig.marks(mold, s, jig)
+        # the base looks down at the mould: its north pole up is S here
+        assert [letter for letter, _, _ in found] == list("SNSNSN")
+        for (_, (x, y), size), (u, v) in zip(found, s.centres, strict=True):
+            assert size >= 5 * mold.printing.stroke
+            assert y == v
+            assert u + jig.collar <= x - 0.33 * size
+            near = [math.hypot(max(abs(x - p) - 0.33 * size, 0), max(abs(y - q) - size / 2, 0)) for p, q in s.centres]
+            assert min(near) >= jig.collar + MARGIN - 1e-9
+    alike = Mold(array=grid_array(design, 2, 3, 16.0))
+    assert len(magnet_jig.marks(alike, sizes(design, alike), magnet_jig.lengths(design, alike))) == 1
 
 
 def failed(parts, B, jig, design=Design()):

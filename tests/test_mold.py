@@ -3,9 +3,11 @@
 import itertools
 import math
 
+import numpy as np
 import pytest
 
 from geometry import cad
+from geometry.array_design import ArrayDesign, grid_array
 from geometry.design import BadInput, Design, preset
 from geometry.fabrication import solid_files
 from geometry.fabrication.engraved_marks import mold_marks
@@ -28,6 +30,27 @@ CASES = [
     (Design(**FLAT), Mold()),
     (Design(**FLAT), Mold(process="sla", marks=1)),
 ]
+
+
+def test_an_array_is_cast_at_its_places_seen_from_below_or_farther_apart_where_walls_are_thin():
+    design, poles = Design(), np.array([1.0, -1.0, 1.0])
+    for scale, pitch in ((1.0, 12.0), (0.75, 9.0)):
+        array = ArrayDesign(design, scale * np.array([[5.0, 0.0], [17.0, 0.0], [11.0, 16.0]]), poles)
+        s = sizes(design, Mold(array=array))
+        assert array.pitch == pytest.approx(pitch)
+        assert s.pitch == pytest.approx(max(pitch, design.D + s.wall))
+        apart = np.array(s.centres) * array.pitch / s.pitch * [1.0, -1.0] - array.places
+        assert apart == pytest.approx(np.tile(apart[0], (3, 1)), abs=1e-12)
+        # the middle of the mould is that of the outermost axes
+        assert np.add(*(end(s.centres, axis=0) for end in (np.min, np.max))) == pytest.approx(0.0, abs=1e-12)
+    with pytest.raises(BadInput, match="100 cavities at most; got an array of 121 beams"):
+        Mold(array=grid_array(design, 11, 11, 20.0))
+
+
+def test_the_checks_pass_for_the_mould_of_an_array():
+    design = Design()
+    mold = Mold(array=ArrayDesign(design, np.array([[0.0, 0.0], [13.0, 2.0]]), np.array([1.0, -1.0])))
+    assert failed(design, mold, *closed_mold(design, mold)) == []
 
 
 def failed(design, mold, A, B, pieces=()):

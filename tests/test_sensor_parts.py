@@ -1,6 +1,7 @@
 """What the verb cad makes, says and leaves alone, alone and in batches."""
 
 import dataclasses
+import itertools
 import math
 import os
 import re
@@ -18,9 +19,11 @@ import pytest
 import worker_tasks
 from PIL import Image
 
+from analytic.magnet import repulsion, resting_distance
 from geometry import base
+from geometry.array_design import grid_array
 from geometry.cad import beam_volume
-from geometry.design import BadInput, paper
+from geometry.design import BadInput, Design, paper
 from geometry.fabrication import hall_elements
 from geometry.fabrication.printability import Check
 from geometry.mold import Mold
@@ -189,6 +192,50 @@ def test_neighbouring_magnets_are_glued_one_after_another():
     assert "one after another" not in recipe_text(design, sensor_solids.FabricationChoices(Mold(jig=0)))
 
 
+def test_magnets_that_would_move_each_other_are_glued_in_groups_that_lie_apart():
+    design = dataclasses.replace(paper(), D=10.0, L=12.0, l0=10.5, magnet_diameter=4.0, magnet_height=3.0)
+    array = grid_array(design, 3, 3, 16.0, "checkerboard")
+    groups, apart = casting_recipe.gluing_order(design, Mold(array=array, jig=0)), resting_distance(design)
+    assert sorted(k for group in groups for k in group) == list(range(1, 10))
+    assert max(map(len, groups)) == 4
+    for group in groups:
+        for i, j in itertools.combinations(group, 2):
+            assert math.dist(array.places[i - 1], array.places[j - 1]) >= apart
+    assert casting_recipe.gluing_order(design, Mold(array=array)) == [list(range(1, 10))]
+
+
+def test_the_recipe_of_an_array_says_the_forces_between_its_magnets():
+    """Two magnets pull with the force of two that repel; one that comes down beside another of its pole pushes it
+    down, beside the other pole it lifts it."""
+    for words, lifts in ((("up", "up"), False), (("up", "down"), True)):
+        mold = Mold(array=grid_array(paper(), 1, 2, 12.0, words))
+        found = casting_recipe.neighbours_push(paper(), mold)
+        radius, height = paper().magnet_diameter / 2, paper().magnet_height
+        assert found["pair_N"] == pytest.approx(repulsion(radius, height, paper().remanence, 12.0), rel=1e-4)
+        assert found["net_N"] == pytest.approx(found["pair_N"], rel=1e-9)
+        assert (found["alike"], found["opposite"]) == (not lifts, lifts)
+        assert (found["lift_N"] > 0.3 * found["pair_N"]) == lifts
+
+
+def test_an_array_is_exported_as_one_sensor(tmp_path):
+    design = Design(hall_layout="tle493d-w2b6", l0=8.0)
+    array = grid_array(design, 1, 2, 14.0, ("up", "down"))
+    choices = sensor_solids.FabricationChoices(Mold(array=array, jig=0), array=array)
+    row = sensor_parts.build(design, tmp_path / "parts", lambda *_: None, choices, picture=False)
+    assert row["status"] == "ok"
+    names = {part["name"] for part in row["parts"]}
+    assert names >= {"array_base", "mold_a", "stand"}
+    assert not names & {"base", "fixture"}
+    assert row["assembled_size_mm"][0] - row["assembled_size_mm"][1] == pytest.approx(14.0)
+    page, listed = ((tmp_path / "parts" / name).read_text("utf-8") for name in ("README.md", "parts.csv"))
+    assert "1 N   2 S" in page
+    assert "array of 2 beams" in page
+    assert "of 1 the other way" in listed
+    assert "base on the fixture" not in listed
+    single = sensor_solids.parse_fabrication_choices(Fabrication(mold=["columns=1"]), array=array)
+    assert (single.mold.cavities, len(single.array)) == (1, 2)
+
+
 def test_the_jig_holds_all_magnets_for_one_cure():
     design = dataclasses.replace(paper(), D=12.0, L=14.0, l0=10.5, magnet_diameter=6.0, magnet_height=3.0)
     text = recipe_text(design, sensor_solids.FabricationChoices(Mold(columns=2, shrink=0.01)))
@@ -300,7 +347,9 @@ def test_a_batch_fills_a_folder_for_each_combination(run, tmp_path, strict):
 @pytest.mark.parametrize(("option", "choices"), [("--mold", Mold), ("--base", base.Base)])
 @pytest.mark.parametrize("value", ["1e9", "nan", ""])
 def test_a_choice_out_of_its_range_names_the_range(option, choices, value):
-    for name, bounds in ((spec.name, spec.metadata) for spec in dataclasses.fields(choices) if spec.metadata):
+    for name, bounds in (
+        (spec.name, spec.metadata) for spec in dataclasses.fields(choices) if "low" in spec.metadata
+    ):
         given = Fabrication(**{option.strip("-"): [f"{name}={value}"]})
         with pytest.raises(BadInput) as caught:
             sensor_solids.parse_fabrication_choices(given)

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 
 from geometry.arrays import Point
 from geometry.bad_input import nearest
-from geometry.base import Plan, screw_thread
+from geometry.base import BOARDS, Plan, base_screw, screw_thread
 from geometry.cad import cut, moved, overlap, turned
 from geometry.design import BadInput
 from geometry.fabrication.hall_elements import Block
@@ -39,8 +39,8 @@ BOSS, TAPPED, PITCH = 8.0, 2.5, 0.5
 PLATE, ROOM, WASHERS = 6.0, 3.5, 1.0
 """Of the fixture: its thickness, room under the board for parts and cut leads, and height of the washers that keep
 the bending cell clear of it, mm."""
-BOARD, LEDGE, LIP = 1.6, 1.0, 2.0
-"""Thickness of the board, width of the ledge that carries its edge, and height of the lip around it, mm."""
+LEDGE, LIP = 1.0, 2.0
+"""Width of the ledge that carries its edge, and height of the lip around it, mm."""
 HEAD = 1.9
 """Diameter of a countersunk head over its thread (ISO 2009)."""
 PLA = 3000.0
@@ -200,9 +200,7 @@ def fixture(plan: Plan, process: Process, name: str) -> Fixture:
     reach = plan.half + (0.0 if plan.screw else process.fit + RIM)
     nearest_hole = min(x for x, _ in cell.holes)
     off = max(0.0, reach + head + 1.0 - nearest_hole)
-    seat = -plan.thickness - BOARD
-    thread = screw_thread(plan.screw) if plan.screw else 0.0
-    length = screw_length(PLATE + ROOM + BOARD + plan.thickness + plan.recess + thread) if plan.screw else 0.0
+    seat = -plan.thickness - BOARDS[0]
     return Fixture(
         cell=cell,
         off=off,
@@ -211,7 +209,7 @@ def fixture(plan: Plan, process: Process, name: str) -> Fixture:
         half=max(reach, cell.width / 2),
         top=seat - ROOM,
         seat=seat,
-        screw=length,
+        screw=base_screw(plan, below=PLATE + ROOM),
         cell_screw=screw_length(PLATE + WASHERS + min(cell.height, 1.5 * cell.thread)),
     )
 
@@ -267,7 +265,7 @@ def fixture_checks(plan: Plan, lengths: Fixture, solid: Solid, base: Solid) -> l
     results = [
         at_most("overlap of base and fixture", overlap(solid, base), 1e-9, "mm3"),
         # the lip of a base without screws lies beside it
-        at_least("gap between base and fixture", gap, BOARD if plan.screw else 0.05),
+        at_least("gap between base and fixture", gap, BOARDS[0] if plan.screw else 0.05),
     ]
     for x, y in plan.screws:
         hole = max(hole, abs(float(Vertex(x, y, (f.top + f.seat) / 2).distance_to(solid)) - plan.screw / 2))

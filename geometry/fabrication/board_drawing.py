@@ -17,7 +17,8 @@ from typing import TYPE_CHECKING, Any
 from geometry.fabrication.hall_elements import SS495A, chip_centres, places
 
 if TYPE_CHECKING:
-    from geometry.base import Plan
+    from geometry.arrays import Point
+    from geometry.base import ArrayPlan, Plan
     from geometry.design import Design
 
 LAYERS = {"OUTLINE": 7, "BEAM": 30, "PADS": 1, "HALL": 5, "AXES": 8, "TEXT": 7}
@@ -31,8 +32,8 @@ BELOW = "Capacitor of the supply: on the underside of the board, under the chip.
 NOTE = "Seen from above, mm. Pads are common values: check against your data sheet."
 
 
-def board(design: Design, plan: Plan) -> str:
-    """Return the text of the DXF file, for the plan of the base of this design."""
+def board(design: Design, plan: Plan, whole: ArrayPlan | None = None) -> str:
+    """Return the text of the DXF file, for the plan of the base of this design, or of the base of an array of it."""
     import ezdxf
     from ezdxf import units
 
@@ -43,21 +44,26 @@ def board(design: Design, plan: Plan) -> str:
     if plan.is_round:
         _circle(space, "OUTLINE", 0, 0, plan.half)
     else:
-        _rectangle(space, "OUTLINE", 0, 0, 2 * plan.half, 2 * plan.half)
+        west, south, east, north = whole.box if whole else (-plan.half, -plan.half, plan.half, plan.half)
+        _rectangle(space, "OUTLINE", (west + east) / 2, (south + north) / 2, east - west, north - south)
     if plan.screw > 0:
-        for x, y in plan.screws:
+        for x, y in whole.screws if whole else plan.screws:
             _circle(space, "OUTLINE", x, y, plan.screw / 2)
-    _circle(space, "BEAM", 0, 0, design.R)
+    beams = whole.array.places.tolist() if whole else [(0.0, 0.0)]
+    for x, y in beams:
+        _circle(space, "BEAM", x, y, design.R)
+    left, low = whole.box[:2] if whole else (-plan.half, -plan.half)
     if design.hall_layout == "three":
         _leaded(space, design)
     else:
-        _chip(space, design)
-        _text(space, BELOW, -plan.half, -plan.half - 4.5 * LETTER)
+        for beam in beams:
+            _chip(space, design, beam)
+        _text(space, BELOW, left, low - 4.5 * LETTER)
         known = "pin 1 at the least x and y." if design.chip.pads else "whose pads are unknown."
         many = f"{design.chip_count:g} chips" if design.chip_count > 1 else "Chip"
-        _text(space, f"{many}: {design.hall_layout}, {known}", -plan.half, -plan.half - 6 * LETTER)
-    _axes(space, plan.half)
-    _text(space, NOTE, -plan.half, -plan.half - 3 * LETTER)
+        _text(space, f"{many}: {design.hall_layout}, {known}", left, low - 6 * LETTER)
+    _axes(space, max(whole.box[2:]) if whole else plan.half)
+    _text(space, NOTE, left, low - 3 * LETTER)
     text = io.StringIO()
     drawing.write(text)
     return text.getvalue()
@@ -98,16 +104,16 @@ def _leaded(space: Any, design: Design) -> None:
         _circle(space, "PADS", x, y, 0.35)
 
 
-def _chip(space: Any, design: Design) -> None:
-    chip = design.chip
+def _chip(space: Any, design: Design, beam: Point) -> None:
+    chip, (p, q) = design.chip, beam
     for u, v, _ in places(design).values():
-        _circle(space, "HALL", u, v, 0.2)
+        _circle(space, "HALL", p + u, q + v, 0.2)
     for x, y in chip_centres(design).values():
-        _rectangle(space, "HALL", x, y, chip.body[0], chip.body[1])
+        _rectangle(space, "HALL", p + x, q + y, chip.body[0], chip.body[1])
         if chip.pads:
-            _text(space, "1", x - chip.body[0] / 2 - LETTER, y - chip.pads.rows / 2 - LETTER / 2)
-    for box in chip_pads(design):
-        _rectangle(space, "PADS", *box)
+            _text(space, "1", p + x - chip.body[0] / 2 - LETTER, q + y - chip.pads.rows / 2 - LETTER / 2)
+    for x, y, a, b in chip_pads(design):
+        _rectangle(space, "PADS", p + x, q + y, a, b)
 
 
 def _axes(space: Any, half: float) -> None:

@@ -1,7 +1,8 @@
 """The jig, part C, that puts magnets into their pockets and holds them down while their glue cures. Lengths in mm.
 
 In the mould's frame of `geometry.mold`, C lies on B in A's place: a cover with lugs and skirt, whose thick lid has a
-bore over each pocket. A magnet whose diagonal exceeds the bore cannot turn over on its way down. A plunger follows
+bore over each pocket. A magnet whose diagonal exceeds the bore cannot turn over on its way down. A letter says which
+pole faces up, to the right of each bore where they differ, as in an array of poles that alternate. A plunger follows
 it: its collar lies on C when its end is at the height of the magnet's top, so that the magnet rests on the pocket's
 bottom. One bar over all plungers is clamped by the screws of the lugs. The end of a plunger has a recess and grooves
 for surplus glue, which then sticks to a narrow rim only, and a vent along its axis lets air in when it is pulled.
@@ -20,6 +21,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from geometry.arrays import Point
 from geometry.cad import cut, intersection, magnet, moved, overlap, turned
 from geometry.design import BadInput, Design
 from geometry.fabrication.engraved_marks import DEPTH, MARGIN, strokes
@@ -72,7 +74,7 @@ class Jig:
     collar : radius of the plunger's collar.
     bar : thickness of the bar.
     diagonal : largest width of the magnet in its plane of symmetry.
-    pole : letter of the pole of the magnet that faces up.
+    pole : letter of the pole of the magnet that faces up, the other one where the array reverses it.
     """
 
     lid: float
@@ -125,7 +127,11 @@ def lengths(design: Design, mold: Mold) -> Jig:
             f"the magnet's top must lie {LEAST_DEPTH:g} mm below the base plane at least for a jig and is "
             f"{depth:.3g} mm below: glue it in by hand"
         )
-    lip = LIP if len(s.centres) == 1 else min(LIP, s.R + s.wall / 2 - PLAY - bore)
+    lip = min(LIP, s.pitch / 2 - PLAY - bore)
+    if len(set(mold.poles)) > 1:
+        # the least letter stands between two collars
+        between = 0.66 * _least_letter(mold) + 2 * MARGIN
+        lip = min(lip, max(LEAST_LIP, (s.pitch - between) / 2 - bore))
     if not lip >= LEAST_LIP:
         raise BadInput(
             f"wall leaves the collars of neighbouring plungers {lip:.2g} mm, and they need {LEAST_LIP:g} mm: set "
@@ -195,13 +201,38 @@ def _cover(mold: Mold, s: Sizes, jig: Jig) -> Solid:
             (0, jig.lid, 0),
         ]
     )
-    start = jig.collar + MARGIN
-    room, width = s.rim - MARGIN - start, mold.printing.stroke
-    letter: list[Solid] = []
-    if room >= 5 * width:
-        far = max(x for x, _ in s.centres)
-        letter = strokes(jig.pole, (far + start + room / 2, 0.0), min(room, LETTER), width, jig.lid)
-    return cut(cover(s, jig.lid), *(moved(bore, (*centre, 0.0)) for centre in s.centres), *letter)
+    letters = [each for mark in marks(mold, s, jig) for each in strokes(*mark, mold.printing.stroke, jig.lid)]
+    return cut(cover(s, jig.lid), *(moved(bore, (*centre, 0.0)) for centre in s.centres), *letters)
+
+
+def _least_letter(mold: Mold) -> float:
+    return 5 * mold.printing.stroke
+
+
+def marks(mold: Mold, s: Sizes, jig: Jig) -> list[tuple[str, Point, float]]:
+    """Return the letters of the poles that face up: letter, middle and height, each to the right of its bore.
+
+    One letter stands for all where they are alike. There are none where one has no room.
+    """
+    placed = list(zip(s.centres, mold.poles, strict=True))
+    if len(set(mold.poles)) == 1:
+        placed = [max(placed)]
+    size, letters = LETTER, (jig.pole, "S" if jig.pole == "N" else "N")
+    while size >= _least_letter(mold) - 1e-9:
+        away = jig.collar + MARGIN + 0.33 * size
+        if all(_has_room((x + away, y), size, s, jig) for (x, y), _ in placed):
+            return [(letters[pole < 0], (x + away, y), size) for (x, y), pole in placed]
+        size -= 0.1
+    return []
+
+
+def _has_room(at: Point, size: float, s: Sizes, jig: Jig) -> bool:
+    """Return whether a letter keeps its distance from the collars of all bores and from the edge of C."""
+    (x, y), half = at, (0.33 * size, size / 2)
+    far = [max(centre[k] for centre in s.centres) for k in (0, 1)]
+    edge = math.hypot(max(x + half[0] - far[0], 0.0), max(abs(y) + half[1] - far[1], 0.0))
+    gaps = [math.hypot(max(abs(u - x) - half[0], 0.0), max(abs(v - y) - half[1], 0.0)) for u, v in s.centres]
+    return edge <= s.rim - MARGIN and min(gaps) >= jig.collar + MARGIN - 1e-9
 
 
 def _plunger(jig: Jig) -> Solid:

@@ -28,8 +28,8 @@ Dimension = tuple[Point, Point, Side, int, str]
 WIDTH, HEIGHT, MARGIN, BLOCK = 297.0, 210.0, 10.0, 18.0
 """Width and height of the sheet (A4, landscape), its margin, and the height of its title block, mm."""
 
-SCALES = [f * 10.0**e for e in range(3, -5, -1) for f in (5, 2, 1)]
-"""Standard scales in the series 5, 2, 1 of ISO 5455, the largest first."""
+SCALES = [f * 10.0**e for e in range(3, -5, -1) for f in (5, 2.5, 2, 1)]
+"""Scales in the series 5, 2, 1 of ISO 5455, and 2.5, without which A4 is half empty; the largest first."""
 
 TEXT, TITLE, NEAR, NEXT, ARROW = 3.2, 5.0, 8.0, 6.5, 2.4
 """Lengths on paper, mm: height of text, height for a view's title, distance of the first dimension line from the

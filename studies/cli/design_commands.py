@@ -64,8 +64,8 @@ def cad(call: Call, *, out: Path, fabrication: Fabrication = Fabrication()) -> i
     atomic_files.check_apart(atomic_files.inside(out, sensor_parts.names()), [call.source])
     mix = catalogues.mix_named(fabrication.silicone, design.silicone)
     needed, given = requirements.stated_requirements(call.source), user_input.fabrication_of(call.source)
-    choices = sensor_solids.parse_fabrication_choices(fabrication, mix, given, needed.rated if needed else None)
-    choices = dataclasses.replace(choices, array=array_readings.stated_array(call.source, design))
+    rated, array = needed.rated if needed else None, array_readings.stated_array(call.source, design)
+    choices = sensor_solids.parse_fabrication_choices(fabrication, mix, given, rated, array)
     axes = design_variants.axes_of(fabrication.axis or [])
     for name, reason in design_variants.idle(design, axes):
         say_no_effect(f"axis {name}", reason)

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from analytic import hall
+import numpy as np
+
+from analytic import beam_arrays, hall
 from analytic import magnet as magnet_field
+from analytic.inverse.forward_model import model
 from analytic.parts import element_names
-from geometry.base import Plan, screw_thread
+from geometry.array_design import ArrayDesign
+from geometry.base import BOARDS, ArrayPlan, Plan, base_screw, screw_thread
 from geometry.cad import beam_volume
 from geometry.design import Design
 from geometry.fabrication import bench_parts, board_drawing, magnet_jig
@@ -152,14 +157,14 @@ def recipe_of(design: Design, choices: FabricationChoices, plan: Plan | None = N
 def mixes_of(design: Design, choices: FabricationChoices) -> list[FlatRow]:
     """Return what to mix for each pour: that of the beam round the pin, the glue of the magnets, and their cover.
 
-    batches : number of such mixes, each with a cure; neighbouring magnets that repel are glued one after another
-        where no jig holds them.
+    batches : number of such mixes, each with a cure; neighbouring magnets are glued one after another where no jig
+        holds them (`gluing_order`).
     stays_mL, poured_mL, mix_mL : what stays in the parts, what is poured (the first pour fills B to its rim, and the
         pin of A drives the surplus out), and what is mixed, of one batch.
     mix_g, A_g, B_g : masses of the mix and of its parts; None where the ratio is unknown.
     """
     mold, silicone = choices.mold, choices.silicone or {}
-    count, (layer, cover) = mold.columns * mold.rows, pours(design, mold)
+    count, (layer, cover) = mold.cavities, pours(design, mold)
     mixes = [
         (
             "first: the beam round the pin",
@@ -169,10 +174,9 @@ def mixes_of(design: Design, choices: FabricationChoices) -> list[FlatRow]:
         )
     ]
     if design.shape.has_magnet:
-        alone = neighbours_push(design, mold) and not magnet_jig.planned(design, mold)[0]
-        batches = count if alone else 1
-        drops = count / batches * DROP
-        mixes.append((f"glue of the magnet{'s' if count > 1 else ''}", batches, drops, drops))
+        groups = gluing_order(design, mold)
+        drops = max(map(len, groups)) * DROP
+        mixes.append((f"glue of the magnet{'s' if count > 1 else ''}", len(groups), drops, drops))
     if cover > 0:
         mixes.append(("second: over the magnet", 1, count * cover, count * cover))
     ratio, density = RATIO.match(silicone.get("mixed", "")), silicone.get("density", design.density) / 1e6
@@ -195,19 +199,78 @@ def parts_by_weight(mass: float, a: float, b: float) -> tuple[float, float]:
     return round(smaller * a / min(a, b), 2), round(smaller * b / min(a, b), 2)
 
 
-def neighbours_push(design: Design, mold: Mold) -> tuple[float, float] | None:
-    """Return the force between the magnets of neighbouring cavities, N and over a magnet's weight.
+def neighbours_push(design: Design, mold: Mold) -> FlatRow | None:
+    """Return what the magnets of neighbouring cavities do to each other; None where all stay in their pockets.
 
-    None where there is no neighbour, or where its magnet stays in its pocket by itself.
+    alike, opposite : whether two neighbours have the same pole up, and so repel, or differ, and attract.
+    pair_N, pair_weights : force between the nearest two, and over a magnet's weight.
+    net_N, net_percent : largest force of all others on one, and its pressure on the pocket's wall over the modulus.
+    lift_N, lift_weights : largest force that lifts one while a neighbour comes down its bore, and over the weight.
     """
-    (x, y), *neighbours = sizes(design, mold).centres
-    if not neighbours:
+    s, apart = sizes(design, mold), magnet_field.resting_distance(design)
+    if apart is None or s.pitch >= apart:
         return None
-    apart, pitch = magnet_field.resting_distance(design), min(math.hypot(u - x, v - y) for u, v in neighbours)
-    if apart is None or pitch >= apart:
-        return None
-    force = magnet_field.repulsion(design.magnet_diameter / 2, design.magnet_height, design.remanence, pitch)
-    return force, force / magnet_field.weight(design)
+    pole, weight = mold.poles, magnet_field.weight(design)
+    pairs = itertools.combinations(range(len(s.centres)), 2)
+    near = [pole[i] * pole[j] for i, j in pairs if math.dist(s.centres[i], s.centres[j]) < 1.01 * s.pitch]
+    array = ArrayDesign(design, np.array(s.centres), np.array(pole))
+    net = _held_together(array)
+    two = ArrayDesign(design, np.array([[0.0, 0.0], [s.pitch, 0.0]]), np.ones(2))
+    beams, pair, lift = beam_arrays.of_array(model(design), two), _held_together(two), 0.0
+    for height in np.linspace(0.0, 2 * s.pitch, 40):
+        coming = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, height]])
+        pulled = beam_arrays.magnet_forces(beams, coming)[0][0, 2]
+        lift = max(lift, *(float(sign * pulled) for sign in set(near)))
+    face = design.magnet_diameter * design.magnet_height
+    return {
+        "alike": 1.0 in near,
+        "opposite": -1.0 in near,
+        "pair_N": pair,
+        "pair_weights": pair / weight,
+        "net_N": net,
+        "net_percent": 100 * net / (face * design.E),
+        "lift_N": lift,
+        "lift_weights": lift / weight,
+    }
+
+
+def _held_together(array: ArrayDesign) -> float:
+    """Return the largest force of the other magnets on one, all in place on the base, N."""
+    beams = beam_arrays.of_array(model(array.design), array)
+    return float(np.linalg.norm(beam_arrays.magnet_forces(beams, np.zeros((len(array), 3)))[0], axis=1).max())
+
+
+def gluing_order(design: Design, mold: Mold) -> list[list[int]]:
+    """Return the cavities, counted from 1, whose magnets are glued in together, in their order.
+
+    A jig holds all at once. Without one the magnets of a group are so far apart that they stay where they are put.
+    """
+    s, apart = sizes(design, mold), magnet_field.resting_distance(design) or 0.0
+    if magnet_jig.planned(design, mold)[0]:
+        apart = 0.0
+    groups: list[list[int]] = []
+    for k, centre in enumerate(s.centres, 1):
+        free = (group for group in groups if all(math.dist(centre, s.centres[j - 1]) >= apart for j in group))
+        if group := next(free, None):
+            group.append(k)
+        else:
+            groups.append([k])
+    return groups
+
+
+def poles_up(design: Design, mold: Mold) -> list[str]:
+    """Return the rows of cavities, seen from above into the mould, each with its beam and the pole that faces up.
+
+    >>> from geometry.array_design import grid_array
+    >>> poles_up(Design(), Mold(array=grid_array(Design(), 2, 2, 16.0, "checkerboard")))
+    ['1 N   2 S', '3 S   4 N']
+    """
+    letters = ("N", "S") if design.magnet_north == "down" else ("S", "N")
+    rows: dict[float, list[str]] = {}
+    placed = [(-y, x, k) for k, (x, y) in enumerate(sizes(design, mold).centres)]
+    for y, _, k in sorted(placed):
+        rows.setdefault(y, []).append(f"{k + 1} {letters[mold.poles[k] < 0]}")
+    return ["   ".join(row) for row in rows.values()]
 
 
 PINS = {"VDD": "supply (+)", "GND": "ground", "OUT": "output"}
@@ -245,17 +308,6 @@ def expected_readings(design: Design) -> FlatRow:
     full = [name for k, name in enumerate(names) if any(each.saturated[k] for each in found[:4])]
     unit = "V" if units == "V" else "mT"
     return {"unit": unit, "rows": rows, "saturated": full, "per_gap": gap, "per_shift": 100 * aside / first}
-
-
-BOARD_THICKNESS = 1.6
-"""Usual thickness of a board, mm."""
-TURN_AND_NUT = 2.0
-"""Length of a screw of the base beside plate and board: a nut and a washer, mm."""
-
-
-def base_screw(plan: Plan, board: float = BOARD_THICKNESS) -> float:
-    """Return the length of the screws through base and board, mm."""
-    return screw_length(plan.thickness + plan.recess + board + TURN_AND_NUT)
 
 
 def _holding_force(design: Design) -> float:
@@ -297,29 +349,42 @@ def text(
     pictures: Sequence[str],
     command: str,
     gap: loaded_clearance.Gap | None = None,
+    whole: ArrayPlan | None = None,
 ) -> str:
-    """Return the README.md of one design; it names `command` as its origin."""
+    """Return the README.md of one design, or of the array with the base `whole`; it names `command` as its origin."""
     mold, three = choices.mold, design.hall_layout == "three"
+    recipe = fabricated["recipe"]
     page = page_templates.rendered(
         Path(__file__).with_name("CASTING.md.j2"),
         mark=MARK,
         d=design,
         m=mold,
         row=fabricated,
-        recipe=fabricated["recipe"],
+        recipe=recipe,
         plan=plan,
         thread=plan and screw_thread(plan.screw),
         room=loaded_clearance.room(gap),
         breakout=choices.base.breakout,
         size=size_sentence(fabricated),
         array=choices.array,
-        array_base=any(part["name"] == "array_base" for part in fabricated["parts"]),
+        whole=whole,
+        cast_whole=mold.array is not None,
+        castings=choices.array and math.ceil(len(choices.array) / mold.cavities),
+        cavity=2 * sizes(design, mold).R,
+        up="N" if design.magnet_north == "down" else "S",
+        held=_held_together(choices.array) if choices.array else 0.0,
+        letters=bool(recipe["jig"]) and len(set(mold.poles)) > 1,
+        rows=poles_up(design, mold) if len(set(mold.poles)) > 1 else [],
+        groups=gluing_order(design, mold),
+        spread=mold.array is not None and sizes(design, mold).pitch > mold.array.pitch + 1e-9,
+        pitch=sizes(design, mold).pitch,
+        wall=sizes(design, mold).wall,
         reversed_beams=[
             k for k, pole in enumerate(choices.array.poles.tolist() if choices.array else [], 1) if pole < 0
         ],
         pictures=pictures,
         command=command,
-        cavities=mold.columns * mold.rows,
+        cavities=mold.cavities,
         balance=BALANCE,
         degassing=DEGASSING,
         # the tip's first layer is cut at half its height
@@ -335,6 +400,7 @@ def text(
         pull=pull if (pull := _holding_force(design)) > PINCH else None,
         turn=_turn(design, plan),
         screw_mm=plan and base_screw(plan),
+        board_mm=BOARDS[0],
         pins=[PINS[net] for net in circuits()["three"].pins],
         pins_assumed="pins" in circuits()["three"].assumed,
     )

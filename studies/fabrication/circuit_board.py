@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Any
 
 from geometry import base
 from geometry.arrays import Point
-from geometry.base import Base, Plan
+from geometry.base import BOARDS, Base, Plan
 from geometry.design import BadInput, Design
 from geometry.fabrication import board_drawing, hall_elements
 from geometry.fabrication.hall_elements import SS495A
@@ -37,8 +37,6 @@ if TYPE_CHECKING:
 
     from geometry.hall_chips import Pads
 
-THICKNESSES = (0.8, 1.6)
-"""Thicknesses of the board to choose from."""
 BUS, RISE = 0.3, 0.45
 """Distance of SDA and SCL from the middle of a chip, and of its supply's via from the pads."""
 COLUMN = 0.5
@@ -105,7 +103,7 @@ FARTHER, WIDER = 40, 12
 the least place with room."""
 
 
-def plan_and_board(design: Design, choices: Base, process: str, thickness: float = 1.6) -> tuple[Plan, Board]:
+def plan_and_board(design: Design, choices: Base, process: str, thickness: float = BOARDS[0]) -> tuple[Plan, Board]:
     """Return the plan of a design's base and its board; BadInput as `board`, with a remedy where there is no room."""
     if choices.breakout:
         raise BadInput(f"breakout {choices.breakout} is the board: leave it out, or make the base by magtip cad")
@@ -142,7 +140,7 @@ def _has_room(design: Design, choices: Base, process: str) -> bool:
     return False
 
 
-def board(design: Design, plan: Plan, thickness: float = 1.6) -> Board:
+def board(design: Design, plan: Plan, thickness: float = BOARDS[0]) -> Board:
     """Return the board of a design, for the plan of its base.
 
     thickness : 0.8 or 1.6 mm.
@@ -152,8 +150,8 @@ def board(design: Design, plan: Plan, thickness: float = 1.6) -> Board:
     BadInput
         The thickness, a missing footprint or address, or too little room for parts or tracks.
     """
-    if thickness not in THICKNESSES:
-        allowed = " or ".join(f"{each:g}" for each in THICKNESSES)
+    if thickness not in BOARDS:
+        allowed = " or ".join(f"{each:g}" for each in sorted(BOARDS))
         raise BadInput(f"thickness of the board must be {allowed} mm; got {thickness:g} mm")
     made = wired(design, plan, thickness)
     ground = board_layers.pour(made, below=False), board_layers.pour(made, below=True)
@@ -162,7 +160,7 @@ def board(design: Design, plan: Plan, thickness: float = 1.6) -> Board:
     return dataclasses.replace(made, ink=tuple(board_layers.ink(made)))
 
 
-def wired(design: Design, plan: Plan, thickness: float = 1.6) -> Board:
+def wired(design: Design, plan: Plan, thickness: float = BOARDS[0]) -> Board:
     """Return the board without ground and silkscreen; BadInput as `board`."""
     circuit = circuit_of(design)
     made = _analogue(design, plan, circuit) if design.hall_layout == "three" else _digital(design, plan, circuit)

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 from analytic.parts import of_design
 from geometry import design_digest
-from geometry.base import Plan
+from geometry.arrays import Point
+from geometry.base import ArrayPlan, Plan
 from geometry.cad import moved
 from geometry.design import Design
 from geometry.fabrication import bench_parts, magnet_jig
@@ -26,6 +27,8 @@ if TYPE_CHECKING:
     from geometry.fabrication.magnet_jig import Jig
     from studies.fabrication.sensor_solids import FabricatedSolids
 
+LABELLED = 36
+"""Largest number of beams that a drawing numbers."""
 AXIS = 9.0
 """Length on paper of the arrow along which an element measures, mm."""
 
@@ -41,7 +44,12 @@ def stamp(design: Design, process: Process) -> str:
 
 
 def sheets(
-    design: Design, plan: Plan, process: Process, parts: Mapping[str, Solid], bodies: Mapping[str, Solid]
+    design: Design,
+    plan: Plan,
+    process: Process,
+    parts: Mapping[str, Solid],
+    bodies: Mapping[str, Solid],
+    whole: tuple[ArrayPlan, Solid] | None = None,
 ) -> dict[str, str]:
     """Return the sheets of the assembled sensor and of its base, by name.
 
@@ -50,6 +58,7 @@ def sheets(
     process : by which the base is printed.
     parts : base, silicone and, if there is one, magnet, in the sensor's frame.
     bodies : the Hall elements by name.
+    whole : plan and solid of the base of an array, whose beams the others are.
     """
     side, above = View("Section y = 0"), View("From above")
     side.cut(parts["base"], "rigid")
@@ -58,7 +67,9 @@ def sheets(
     sheets = View(side.title, list(side.paths)), View(above.title, list(above.paths))
     return {
         "sensor": _sensor_sheet(design, plan, process, parts, bodies, side, above),
-        "base": _base_sheet(design, plan, process, parts["base"], *sheets),
+        "base": _array_sheet(*whole, process)
+        if whole
+        else _base_sheet(design, plan, process, parts["base"], *sheets),
     }
 
 
@@ -192,6 +203,50 @@ def _base_sheet(design: Design, plan: Plan, process: Process, base: Solid, side:
     return sheet("Base", [[side, above], [below]], notes, stamp(design, process))
 
 
+def _array_sheet(whole: ArrayPlan, solid: Solid, process: Process) -> str:
+    """Return the sheet of the base of an array: a section through its first row, from above and from below."""
+    array, p, (west, south, east, north) = whole.array, whole.one, whole.box
+    places, poles = array.places.tolist(), array.poles.tolist()
+    x, y = places[0]
+    side, above, below = View(f"Section y = {number(y)}"), View("From above"), View("From below")
+    side.cut(solid, "rigid", y=y)
+    above.projection(solid)
+    below.projection(solid, below=True)
+    side.dims.append(((west, -p.thickness), (west, 0), "left", 0, number(p.thickness)))
+    if p.recess:
+        r = p.recess_radius
+        side.dims.append(((west, 0), (west, p.recess), "left", 1, f"recess {number(p.recess)}"))
+        side.dims.append(((x - r, 0), (x + r, 0), "above", 0, f"recess Ø{number(2 * r)}"))
+    above.dims += [((west, south), (east, south), "below", 2, number(east - west))]
+    above.dims += [((west, south), (west, north), "left", 2, number(north - south))]
+    for k in (0, 1):
+        near = sorted({place[k] for place in places})[:2]
+        if len(near) == 2:
+            ends: tuple[Point, Point] = ((near[0], y), (near[1], y)) if k == 0 else ((x, near[0]), (x, near[1]))
+            above.dims.append((*ends, "left" if k else "below", 1, number(near[1] - near[0])))
+        at = [screw[k] for screw in whole.screws]
+        if at:
+            low, high = min(whole.screws), max(whole.screws)
+            ends = ((low[0], high[1]), high) if k == 0 else ((high[0], low[1]), high)
+            above.dims.append((*ends, "right" if k else "above", 0, number(max(at) - min(at))))
+    (u, v, _), (a, b, _) = next((seat.corner, seat.sides) for seat in p.seats.bodies.values())
+    below.dims.append(((-x - u - a, y + v), (-x - u, y + v), "below", 0, number(a)))
+    below.dims.append(((-x - u, y + v), (-x - u, y + v + b), "right", 0, number(b)))
+    north_up = array.design.magnet_north == "up"
+    for number_of, ((px, py), pole) in enumerate(zip(places, poles, strict=True), 1):
+        if len(places) <= LABELLED:
+            above.labels.append(((px, py), f"{number_of} {'N' if (pole > 0) == north_up else 'S'}", (2.0, -2.0)))
+    for u, v in (centre for centre in chip_centres(array.design).values()):
+        for px, py in places:
+            below.cross((-px - u, py + v), 0.6 * max(array.design.chip.body[:2]))
+    notes = [f"{len(places)} equal pockets, printed as it stands, underside down, without supports"]
+    if len(places) <= LABELLED:
+        notes.append("numbers of the beams, and the pole that points to the tip")
+    if whole.screws:
+        notes.insert(0, f"4 holes Ø{number(p.screw)} for screws")
+    return sheet("Base", [[side, above], [below]], notes, stamp(array.design, process))
+
+
 def _add_chips(design: Design, below: View) -> None:
     """Add the centres of the chips' bodies, from which soldering starts, and pin 1; x runs to the left."""
     centres = list(chip_centres(design).values())
@@ -216,13 +271,13 @@ def mold_sheet(design: Design, mold: Mold, s: Sizes, A: Solid, pieces: Sequence[
     side.cut(A, "lid", y=y)
     for piece in pieces:
         above.projection(piece)
-    x = max(centre[0] for centre in s.centres)
-    left = -x
+    x, row = max(centre[0] for centre in s.centres), sorted(u for u, v in s.centres if v == y)
+    left, beside = row[0], row[min(1, len(row) - 1)]
     side.dims += [
         ((left - s.R, -0.2 * s.L), (left + s.R, -0.2 * s.L), "below", 0, f"Ø{number(2 * s.R)}"),
         ((left - s.outer, s.bottom), (left + s.outer, s.bottom), "below", 1, f"Ø{number(2 * s.outer)}")
-        if x == 0
-        else ((left, 0), (left + 2 * s.R + s.wall, 0), "below", 1, number(2 * s.R + s.wall)),
+        if beside == left
+        else ((left, 0), (beside, 0), "below", 1, number(beside - left)),
         ((-x - s.rim, s.bottom), (x + s.rim, s.bottom), "below", 2, number(2 * (x + s.rim))),
         ((left, -s.L), (left - s.R, 0), "left", 0, number(s.L)),
         ((-x - s.rim, s.lid), (-x - s.rim, s.bottom), "left", 1, number(s.lid - s.bottom)),
@@ -279,7 +334,7 @@ def mold_sheet(design: Design, mold: Mold, s: Sizes, A: Solid, pieces: Sequence[
 def jig_sheet(design: Design, mold: Mold, s: Sizes, jig: Jig, parts: Mapping[str, Solid], B: Solid) -> str:
     """Return the sheet of the jig: a section through B, jig, plunger, bar and magnet, and the gauge from above."""
     x, y = s.centres[0]
-    side, above = View(f"Section y = {number(y)}"), View("Gauge from above")
+    side, above, letters = View(f"Section y = {number(y)}"), View("Gauge from above"), View("C from above")
     # a split B is cut just beside its joint
     for solid, style, aside in (
         (B, "rigid", 1e-3 * s.R if s.ears else 0.0),
@@ -309,16 +364,20 @@ def jig_sheet(design: Design, mold: Mold, s: Sizes, jig: Jig, parts: Mapping[str
         ((0, wide + long), (left, wide), "left", 0, number(long)),
     ]
     add_axis(side)
+    mixed = len(set(mold.poles)) > 1
+    if mixed:
+        letters.projection(parts["jig"])
     count = len(s.centres)
     plungers, screws = "plungers" if count > 1 else "plunger", s.screw(jig.top + jig.bar)
     magnet = f"magnet {number(design.magnet_diameter)} x {number(design.magnet_height)}"
+    poles = "poles up as the letters say" if mixed else f"pole {jig.pole} up"
     notes = [
         f"{count} {plungers}: Ø{number(2 * jig.shank)} in the bore, vent Ø{number(2 * jig.vent)}",
-        f"{magnet}, pole {jig.pole} up; its top {number(jig.depth)} below B's rim",
+        f"{magnet}, {poles}; its top {number(jig.depth)} below B's rim",
         "gauge: flat on the rim by the short tongue, one groove; rocking by the long one, two grooves",
         f"{len(s.lugs)} countersunk screws M{number(BOLT)} x {number(screws)} through B, jig and bar",
     ]
-    return sheet("Jig", [[side], [above]], notes, stamp(design, mold.printing))
+    return sheet("Jig", [[side, letters] if mixed else [side], [above]], notes, stamp(design, mold.printing))
 
 
 def bench_sheet(design: Design, mold: Mold, s: Sizes, plan: Plan | None, cell: str, solids: FabricatedSolids) -> str:

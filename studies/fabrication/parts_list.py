@@ -10,10 +10,9 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
-from geometry.base import Plan, screw_thread
+from geometry.base import BOARDS, ArrayPlan, Plan, base_screw, screw_thread
 from geometry.design import BadInput, Design
 from geometry.fabrication.breakout_boards import BREAKOUTS
-from geometry.mold import sizes
 from studies.fabrication import casting_recipe, circuit_board
 from studies.fabrication.sensor_solids import FabricationChoices
 from studies.output.records import FlatRow
@@ -46,10 +45,10 @@ PRINTED = (
 )
 
 
-def board_of(design: Design, plan: Plan | None) -> Board | None:
-    """Return the board of a design, without its ground; None if none can be drawn."""
+def board_of(design: Design, plan: Plan | None, whole: ArrayPlan | None = None) -> Board | None:
+    """Return the board of a design, or of all beams of an array, without its ground; None if none can be drawn."""
     try:
-        return circuit_board.wired(design, plan) if plan else None
+        return circuit_board.wired(design, plan) if plan and not whole else None
     except BadInput:
         return None
 
@@ -69,24 +68,29 @@ def rows(
     plan: Plan | None,
     volumes: Mapping[str, float],
     board: Board | None = None,
+    whole: ArrayPlan | None = None,
 ) -> list[FlatRow]:
     """Return a row for each thing to order: group, item, quantity with its unit, for how many sensors, and a note.
+
+    An array is one sensor, whose beams take one casting or several.
 
     Parameters
     ----------
     plan : of the base; None if there is none, and then no board and no Hall parts.
     volumes : of the printed parts by their names, mm³.
     board : None if no board can be drawn for the design, and then the Hall parts stand without it.
+    whole : of the one base of an array; None without one.
     """
-    sensors = len(sizes(design, choices.mold).centres)
+    beams, castings = beams_of(choices), castings_of(choices)
     found = [
-        *_magnets(design, sensors),
-        *_silicone(design, choices),
-        *_board(design, choices, plan, board, sensors),
-        *_screws(design, choices, plan, board, sensors),
-        *_prints(choices, volumes, sensors),
-        *_consumables(design, choices),
+        *_magnets(design, choices, beams),
+        *_silicone(design, choices, castings),
+        *_board(design, choices, plan, board, 1 if whole and board else beams),
+        *_screws(design, choices, plan, board, whole),
+        *_prints(choices, volumes),
+        *_consumables(design, choices, castings),
     ]
+    sensors = 1 if choices.array else beams
     return [row | {"for_sensors": sensors} | dict.fromkeys(PRICE) for row in found]
 
 
@@ -94,7 +98,7 @@ def _row(group: str, item: str, quantity: float, unit: str = "piece", note: str 
     return {"group": group, "item": item, "quantity": quantity, "unit": unit, "note": note}
 
 
-def _magnets(design: Design, sensors: int) -> Iterator[FlatRow]:
+def _magnets(design: Design, choices: FabricationChoices, sensors: int) -> Iterator[FlatRow]:
     if not design.shape.has_magnet:
         return
     same = [
@@ -107,22 +111,34 @@ def _magnets(design: Design, sensors: int) -> Iterator[FlatRow]:
     grade = " or ".join(part.grade for part in grades) or f"of a grade with {design.remanence:g} T"
     tolerance = f", +-{same[0].tolerance:g} mm" if same else ""
     pole = {"down": "base", "up": "tip"}[design.magnet_north]
+    turned = sum(each < 0 for each in choices.array.poles) if choices.array else 0
     note = f"remanence {design.remanence:g} T; mark the north pole, which points to the {pole}"
+    note += f", of {turned} the other way" if turned else ""
     yield _row(
         "magnet", f"{size}, {grade}{tolerance}", sensors, note=note if same else f"{note}; not in the catalogue"
     )
 
 
-def _silicone(design: Design, choices: FabricationChoices) -> Iterator[FlatRow]:
+def beams_of(choices: FabricationChoices) -> int:
+    """Return the number of beams: of an array all, else one for each cavity."""
+    return len(choices.array) if choices.array else choices.mold.cavities
+
+
+def castings_of(choices: FabricationChoices) -> int:
+    """Return how often the mould is filled."""
+    return math.ceil(beams_of(choices) / choices.mold.cavities)
+
+
+def _silicone(design: Design, choices: FabricationChoices, castings: int) -> Iterator[FlatRow]:
     mixes = casting_recipe.mixes_of(design, choices)
     name = choices.silicone["name"] if choices.silicone else design.silicone or "silicone"
     if any(mix["A_g"] is None for mix in mixes):
-        total = sum(mix["batches"] * mix["mix_g"] for mix in mixes)
+        total = castings * sum(mix["batches"] * mix["mix_g"] for mix in mixes)
         yield _row("silicone", f"{name}, both parts", round(total, 2), "g", "ratio of the parts: see its data sheet")
         return
     for part in ("A", "B"):
-        total = sum(mix["batches"] * mix[f"{part}_g"] for mix in mixes)
-        batches = sum(mix["batches"] for mix in mixes)
+        total = castings * sum(mix["batches"] * mix[f"{part}_g"] for mix in mixes)
+        batches = castings * sum(mix["batches"] for mix in mixes)
         yield _row("silicone", f"{name}, part {part}", round(total, 2), "g", f"{batches} batches of the recipe")
 
 
@@ -148,17 +164,20 @@ def _board(
 
 
 def _screws(
-    design: Design, choices: FabricationChoices, plan: Plan | None, board: Board | None, sensors: int
+    design: Design,
+    choices: FabricationChoices,
+    plan: Plan | None,
+    board: Board | None,
+    whole: ArrayPlan | None,
 ) -> Iterator[FlatRow]:
-    thread = ""
+    thread, sensors = "", 1 if whole else beams_of(choices)
     if plan and plan.screw:
-        thick = board.thickness if board else max(circuit_board.THICKNESSES)
-        length = casting_recipe.base_screw(plan, thick)
+        length = base_screw(plan, board.thickness if board else BOARDS[0])
         thread = f"M{screw_thread(plan.screw):g}"
         note = "brass, nylon or titanium: steel changes the field"
         yield _row("screws", f"{thread} x {length} mm", 4 * sensors, note=note)
         yield _row("screws", f"nut {thread}", 4 * sensors, note=note)
-    recipe = casting_recipe.recipe_of(design, choices, plan)
+    recipe = casting_recipe.recipe_of(design, choices, None if whole else plan)
     lid = recipe["lid_screws"]
     kind = f"countersunk screw {lid['thread']} x {lid['length_mm']:g} mm of nylon, with nut and washer"
     yield _row("mould", kind, lid["count"], note="holds A down")
@@ -180,14 +199,14 @@ def _screws(
         yield _row("mould", f"washer {screws['thread']}", 2 * screws["count"])
 
 
-def count_of(name: str, sensors: int) -> int:
-    """Return how many of a printed part a casting of this many sensors needs."""
-    return sensors if name in ("base", "jig_plunger") else 1
+def count_of(name: str, choices: FabricationChoices) -> int:
+    """Return how many of a printed part there are."""
+    return {"base": beams_of(choices), "jig_plunger": choices.mold.cavities}.get(name, 1)
 
 
-def _prints(choices: FabricationChoices, volumes: Mapping[str, float], sensors: int) -> Iterator[FlatRow]:
+def _prints(choices: FabricationChoices, volumes: Mapping[str, float]) -> Iterator[FlatRow]:
     for name, volume in volumes.items():
-        count = count_of(name, sensors)
+        count = count_of(name, choices)
         if choices.mold.process == "sla":
             yield _row("print", f"{name} of resin", round(count * volume / 1e3, 2), "mL", "without supports")
             continue
@@ -202,10 +221,10 @@ def _rounded(minutes: float) -> str:
     return f"{max(5, 5 * round(minutes / 5)):g}"
 
 
-def _consumables(design: Design, choices: FabricationChoices) -> Iterator[FlatRow]:
+def _consumables(design: Design, choices: FabricationChoices, castings: int) -> Iterator[FlatRow]:
     mixes = casting_recipe.mixes_of(design, choices)
-    batches = sum(mix["batches"] for mix in mixes)
-    syringes = sum(mix["batches"] * math.ceil(mix["mix_mL"] / SYRINGE) for mix in mixes)
+    batches = castings * sum(mix["batches"] for mix in mixes)
+    syringes = castings * sum(mix["batches"] * math.ceil(mix["mix_mL"] / SYRINGE) for mix in mixes)
     yield _row("consumables", f"syringe of {SYRINGE:g} mL with a blunt needle", syringes, note="one for each batch")
     yield _row("consumables", "mixing cup of clean plastic, and a stick", batches)
     yield _row("consumables", "release agent for silicone", 1)

@@ -18,6 +18,8 @@ from studies.fabrication.sensor_solids import (
     COLOURS,
     FabricatedSolids,
     FabricationChoices,
+    array_plan_of,
+    array_scene,
     casting_parts,
     coloured_parts,
     facet_tolerance,
@@ -74,12 +76,14 @@ def build(
     from studies.fabrication import assembly_picture
     from studies.output.table_files import write_table
 
+    choices = choices.of(design)
     # impossible choices are refused before the folder is made and the CAD kernel is loaded
     mold.sizes(design, choices.mold)
     magnet_jig.planned(design, choices.mold)
+    whole, _ = array_plan_of(choices)
     if choices.base.cell:
         bench_parts.load_cell(choices.base.cell)
-    if choices.base != base.Base():
+    if choices.base != base.Base() and not whole:
         base.plan(design, choices.base, choices.mold.process)
     facet_tolerance(design, choices)
     with atomic_files.filled(out) as folder, atomic_files.staged(folder) as stage, contextlib.ExitStack() as stack:
@@ -89,8 +93,8 @@ def build(
         progress(0.0, "solids and mould")
         console.load("build123d", "trimesh")
         solids = make_solids(design, choices)
-        known = design_summary.outer_size(design, solids.plan) | {
-            "recipe": casting_recipe.recipe_of(design, choices, solids.plan)
+        known = design_summary.outer_size(design, solids.plan, solids.whole) | {
+            "recipe": casting_recipe.recipe_of(design, choices, None if solids.whole else solids.plan)
         }
         row = fabricated("ok", "", folder, known)
         row["warnings"] += [*design.warnings(), *warnings(design, choices, solids)]
@@ -111,13 +115,14 @@ def build(
         except MeshError as error:
             return row | {"status": "failed", "message": str(error)}
         volumes = {part["name"]: part["volume_mm3"] for part in row["parts"] if part["name"] in parts_list.PRINTED}
-        board = parts_list.board_of(design, solids.plan)
-        write_table(stage / parts_list.FILE, parts_list.rows(design, choices, solids.plan, volumes, board))
+        board = parts_list.board_of(design, solids.plan, solids.whole)
+        listed = parts_list.rows(design, choices, solids.plan, volumes, board, solids.whole)
+        write_table(stage / parts_list.FILE, listed)
         if draw:
             progress(0.8, "pictures")
         row["warnings"] += [*_draw(stage, design, choices, solids, draw), *left_over(folder, stage)]
         drawn = [name for name in (PICTURE, JIG_PICTURE) if (stage / name).exists()]
-        page = casting_recipe.text(design, choices, row, solids.plan, drawn, command, gap)
+        page = casting_recipe.text(design, choices, row, solids.plan, drawn, command, gap, solids.whole)
         atomic_files.write_text(stage / RECIPE, page)
     return row
 
@@ -138,7 +143,7 @@ def _draw(
 
     scenes: dict[str, Scene] = {}
     if solids.plan:
-        scenes[PICTURE] = coloured_parts(solids), hall_elements.places(design)
+        scenes[PICTURE] = array_scene(solids) or (coloured_parts(solids), hall_elements.places(design))
     if solids.jig:
         scenes[JIG_PICTURE] = casting_parts(design, choices, solids)
     try:
@@ -197,12 +202,14 @@ def run_checks(
     checks = mold_solids.checks(design, choices.mold, solids.A, solids.B, halves)
     if solids.plan:
         checks += base.checks(design, solids.sensor["base"], solids.bodies)
+    if solids.whole:
+        checks += base.array_checks(solids.whole, solids.bench["array_base"], solids.bodies)
     if solids.jig:
         lengths = magnet_jig.lengths(design, choices.mold)
         checks += magnet_jig.checks(design, choices.mold, lengths, solids.jig, solids.B)
     s = mold.sizes(design, choices.mold)
     checks += bench_parts.stand_checks(s, bench_parts.stand(s), solids.bench["stand"], solids.B)
-    if solids.plan:
+    if solids.plan and "fixture" in solids.bench:
         fixture = bench_parts.fixture(solids.plan, choices.mold.printing, choices.base.cell)
         checks += bench_parts.fixture_checks(solids.plan, fixture, solids.bench["fixture"], solids.sensor["base"])
     for name in ("base", *solids.mold, *solids.jig, *solids.bench):
@@ -226,8 +233,7 @@ def _write(
 
     progress(0.6, "STEP, STL and 3MF")
     exported = solid_files.export(shapes, stage, colours=COLOURS)
-    sensors = len(mold.sizes(design, choices.mold).centres)
-    counts = {name: parts_list.count_of(name, sensors) for name in parts_list.PRINTED if name in shapes}
+    counts = {name: parts_list.count_of(name, choices) for name in parts_list.PRINTED if name in shapes}
     printed = {name: (shapes[name][1], count) for name, count in counts.items()}
     (stage / PLATE).write_bytes(solid_files.plate(printed))
     closed = {name: (part, COLOURS[name]) for name, part in solids.mold.items()}
@@ -239,16 +245,18 @@ def _write(
         lengths = magnet_jig.lengths(design, choices.mold)
         text = part_drawings.jig_sheet(design, choices.mold, s, lengths, solids.jig, solids.B)
         atomic_files.write_text(stage / "jig.svg", text)
-    bench = part_drawings.bench_sheet(design, choices.mold, s, solids.plan, choices.base.cell, solids)
+    held = None if solids.whole else solids.plan
+    bench = part_drawings.bench_sheet(design, choices.mold, s, held, choices.base.cell, solids)
     atomic_files.write_text(stage / "bench.svg", bench)
     if solids.plan:
         (stage / "assembly.step").write_bytes(
             solid_files.step(solid_files.assembly("sensor", coloured_parts(solids)))
         )
         drawn = design, solids.plan, choices.mold.printing
-        for name, text in part_drawings.sheets(*drawn, solids.sensor, solids.bodies).items():
+        whole = (solids.whole, solids.bench["array_base"]) if solids.whole else None
+        for name, text in part_drawings.sheets(*drawn, solids.sensor, solids.bodies, whole).items():
             atomic_files.write_text(stage / f"{name}.svg", text)
-        atomic_files.write_text(stage / BOARD, board_drawing.board(design, solids.plan))
+        atomic_files.write_text(stage / BOARD, board_drawing.board(design, solids.plan, solids.whole))
     return exported
 
 
@@ -266,7 +274,8 @@ def warnings(design: Design, choices: FabricationChoices, solids: FabricatedSoli
     ]
     if pushed := casting_recipe.neighbours_push(design, choices.mold):
         too_fine.append(
-            f"the magnets of neighbouring cavities repel with {pushed[1]:.2g} times their weight: "
+            f"the magnets of neighbouring cavities {_moves(pushed)} with {pushed['pair_weights']:.2g} times their "
+            "weight: "
             + ("hold each down by its plunger" if solids.jig else "glue them in one after another, held down")
             + " until the glue has cured (see the recipe)"
         )
@@ -282,6 +291,10 @@ def warnings(design: Design, choices: FabricationChoices, solids: FabricatedSoli
     if choices.base.marks and solids.plan and not solids.plan.marks:
         too_fine.append("the rim of the base has no room for its marks: set a larger outer or seat_wall")
     return [*(base.warnings(design) if solids.plan else [solids.missing]), *too_fine]
+
+
+def _moves(pushed: FlatRow) -> str:
+    return " or ".join(word for word, here in (("repel", pushed["alike"]), ("attract", pushed["opposite"])) if here)
 
 
 def result_of(rows: Sequence[FlatRow]) -> Result:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from geometry.array_design import ArrayDesign
 from geometry.arrays import Vector
-from geometry.base import SHAPES, Base, Plan
+from geometry.base import SHAPES, ArrayPlan, Base, Plan
 from geometry.design import BadInput, Design
 from geometry.fabrication.solid_files import check_tolerance
 from geometry.mold import Mold
@@ -40,7 +40,8 @@ COLOURS = {
 }
 """Colours of the parts in STEP and 3MF files and in the picture; Hall elements have `HALL_ELEMENT_COLOUR`."""
 
-HALL_ELEMENT_COLOUR = "darkslategray"
+HALL_ELEMENT_COLOUR, REVERSED = "darkslategray", "royalblue"
+"""Colours of Hall elements, and of the magnets of an array that lie the other way up than the design's."""
 
 USUAL_FACETS, FINEST_FACETS = 2000, 100000
 """D over the facet tolerance: the default, and the greatest value, beyond which a part has millions of triangles."""
@@ -56,7 +57,8 @@ class FabricationChoices:
     tolerance : largest distance of the facets from the surface, mm; None: D/2000.
     silicone : what the recipe says of the mix and the cure; None: that the data sheet tells.
     rated : required press force and force along the plate, N; None: none are stated.
-    array : for which one base is made, too; None: a single sensor.
+    array : for which one base is made; None: a single sensor. Its beams are cast in one mould, unless the maker gives
+        that columns, rows or a split.
     """
 
     mold: Mold = field(default_factory=Mold)
@@ -65,6 +67,13 @@ class FabricationChoices:
     silicone: Mix | None = None
     rated: tuple[float, float] | None = None
     array: ArrayDesign | None = None
+
+    def of(self, design: Design) -> FabricationChoices:
+        """Return the choices for an array of another design, such as a variant."""
+        array = self.array and dataclasses.replace(self.array, design=design)
+        return dataclasses.replace(
+            self, array=array, mold=dataclasses.replace(self.mold, array=array if self.mold.array else None)
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,10 +85,12 @@ class FabricatedSolids:
     sensor : silicone, magnet, base and beam (the outer form of silicone and magnet), in the sensor's frame.
     bodies : the Hall elements, in the sensor's frame.
     plan : plan of the base; None if the elements do not fit into the base, and then `missing` gives the reason.
+    whole : plan of the one base of an array, of whose beams `plan` is then; None without one, and where one was
+        wanted `no_array` gives the reason.
     mold : mold_a, and mold_b or its halves mold_b1 and mold_b2, closed, in the mould's frame.
     A, B : upper and lower part of the mould; B is not split.
-    bench : stand, under B in the mould's frame, and fixture, under the base in the sensor's; array_base, of an array,
-        in the frame of that, and without one that was wanted `no_array` gives the reason.
+    bench : stand, under B in the mould's frame, and fixture, under the base in the sensor's, or array_base, of an
+        array, in the frame of that.
     jig : jig (part C), jig_plunger and jig_bar in the mould's frame, the plunger on the axis, and jig_gauge as it is
         printed; empty without a jig, and then `no_jig` gives the reason if one was wanted.
     """
@@ -94,6 +105,7 @@ class FabricatedSolids:
     jig: dict[str, Solid]
     no_jig: str
     bench: dict[str, Solid]
+    whole: ArrayPlan | None = None
     no_array: str = ""
 
 
@@ -102,6 +114,7 @@ def parse_fabrication_choices(
     silicone: Mix | None = None,
     given: Mapping[str, Any] = {},
     rated: tuple[float, float] | None = None,
+    array: ArrayDesign | None = None,
 ) -> FabricationChoices:
     """Return the fabrication choices that the options state, with the silicone that they name; those of the base may
     hold the name of a shape. What they leave open is that of a design file, see `user_input.fabrication_of`.
@@ -119,9 +132,12 @@ def parse_fabrication_choices(
     texts = [f"shape={text}" if text in SHAPES else text for text in options.base or []]
     base = {**given.get("base", {}), **user_input.parse_choices("--base", texts, Base)}
     user_input.check_keys("fabrication: base", base, [spec.name for spec in dataclasses.fields(Base)])
-    user_input.check_keys("fabrication: mold", mold, [spec.name for spec in dataclasses.fields(Mold)])
+    user_input.check_keys("fabrication: mold", mold, user_input.keys_of(Mold))
     process = options.process or given.get("process", "fdm")
-    return FabricationChoices(Mold(**{**mold, "process": process}), Base(**base), options.tolerance, silicone, rated)
+    # a maker who gives columns, rows or a split casts the beams a few at a time
+    cast = None if {"columns", "rows", "split"} & mold.keys() else array
+    mold |= {"process": process, "array": cast}
+    return FabricationChoices(Mold(**mold), Base(**base), options.tolerance, silicone, rated, array)
 
 
 def make_solids(design: Design, choices: FabricationChoices) -> FabricatedSolids:
@@ -143,9 +159,10 @@ def make_solids(design: Design, choices: FabricationChoices) -> FabricatedSolids
         sensor["silicone"] = cad.cut(beam, sensor["magnet"])
     # a default base that cannot hold the elements is left out; one that the user has set is an error
     plan, missing, bodies = None, "", {}
+    whole, no_array = array_plan_of(choices)
     try:
-        plan = base.plan(design, choices.base, choices.mold.process)
-        sensor["base"], bodies = base.base(design, choices.base, choices.mold.process), hall_elements.bodies(design)
+        plan = whole.one if whole else base.plan(design, choices.base, choices.mold.process)
+        sensor["base"], bodies = base.base(plan), hall_elements.bodies(design)
     except BadInput as error:
         if choices.base != Base():
             raise
@@ -154,22 +171,65 @@ def make_solids(design: Design, choices: FabricationChoices) -> FabricatedSolids
     halves = mold_solids.halves(design, choices.mold, B) if choices.mold.split else {"mold_b": B}
     lengths, no_jig = magnet_jig.planned(design, choices.mold)
     jig = magnet_jig.solids(design, choices.mold, lengths) if lengths else {}
-    bench = bench_parts.solids(mold.sizes(design, choices.mold), plan, choices.mold, choices.base.cell)
-    no_array = ""
-    if choices.array is not None and plan:
-        try:
-            bench["array_base"] = base.array_base(choices.array, choices.base, choices.mold.process)
-        except BadInput as error:
-            no_array = f"no base for the whole array: {error}"
+    s = mold.sizes(design, choices.mold)
+    bench = bench_parts.solids(s, None if whole else plan, choices.mold, choices.base.cell)
+    if whole:
+        bench["array_base"] = base.array_base(whole)
     return FabricatedSolids(
-        sensor, bodies, plan, missing, {"mold_a": A, **halves}, A, B, jig, no_jig, bench, no_array
+        sensor, bodies, plan, missing, {"mold_a": A, **halves}, A, B, jig, no_jig, bench, whole, no_array
     )
 
 
+def array_plan_of(choices: FabricationChoices) -> tuple[ArrayPlan | None, str]:
+    """Return the plan of the one base of an array; None without an array, or with the reason why there is none."""
+    from geometry import base
+
+    if choices.array is None:
+        return None, ""
+    try:
+        return base.array_plan(choices.array, choices.base, choices.mold.process), ""
+    except BadInput as error:
+        return None, f"no base for the whole array: {error}"
+
+
 def coloured_parts(solids: FabricatedSolids) -> dict[str, tuple[Solid, str]]:
-    """Return the parts of the assembled sensor, each with its colour."""
+    """Return the parts of the assembled sensor, or of all beams of an array on their base, each with its colour."""
+    from geometry.cad import moved
+
+    if solids.whole:
+        array, found = solids.whole.array, {"base": (solids.bench["array_base"], COLOURS["array_base"])}
+        for k, ((x, y), pole) in enumerate(zip(array.places.tolist(), array.poles.tolist(), strict=True), 1):
+            single = {"silicone": COLOURS["silicone"], "magnet": COLOURS["magnet"] if pole > 0 else REVERSED}
+            for name, colour in single.items():
+                if name in solids.sensor:
+                    found[f"{name} {k}"] = moved(solids.sensor[name], (x, y, 0.0)), colour
+            for name, body in solids.bodies.items():
+                found[f"{name} of beam {k}"] = moved(body, (x, y, 0.0)), HALL_ELEMENT_COLOUR
+        return found
     parts = {name: part for name, part in solids.sensor.items() if name != "beam"} | solids.bodies
     return {name: (part, COLOURS.get(name, HALL_ELEMENT_COLOUR)) for name, part in parts.items()}
+
+
+def array_scene(solids: FabricatedSolids) -> tuple[dict[str, tuple[Solid, str]], dict[str, Vector]] | None:
+    """Return the parts of an array for a picture, the first row in the plane y = 0, and labels; None of one sensor.
+
+    Labels name a magnet of each pole.
+    """
+    from geometry.cad import moved
+
+    if not solids.whole:
+        return None
+    array, design = solids.whole.array, solids.whole.array.design
+    row = float(array.places[:, 1].min())
+    parts = {name: (moved(part, (0.0, -row, 0.0)), colour) for name, (part, colour) in coloured_parts(solids).items()}
+    points: dict[str, Vector] = {}
+    for k, ((x, y), pole) in enumerate(zip(array.places.tolist(), array.poles.tolist(), strict=True), 1):
+        north = design.magnet_north if pole > 0 else {"up": "down", "down": "up"}[design.magnet_north]
+        label = f"magnet {k}, north {north}"
+        if y == row and f"magnet {k}" in parts and not any(name.endswith(north) for name in points):
+            parts[label] = parts.pop(f"magnet {k}")
+            points[label] = x, -design.magnet_diameter / 2, design.H
+    return parts, points
 
 
 def casting_parts(
@@ -205,12 +265,11 @@ def casting_parts(
     for k, lug in enumerate(s.lugs):
         x, y = lug.at(s.reach[1])
         parts["screw" if k == 0 else f"screw {k + 1}"] = moved(screw, (x, y - row, 0.0)), "whitesmoke"
-    x = in_row[0]
-    ends = {name: parts[name][0].bounding_box(optimal=False).min.X + 0.5 for name in ("mould B", "jig", "bar")}
+    x = min(in_row)
     points = {
-        "mould B": (ends["mould B"], 0.0, -SEAT),
-        "jig": (ends["jig"], 0.0, jig.lid / 2),
-        "bar": (ends["bar"], 0.0, jig.top + jig.bar / 2),
+        "mould B": (x - (s.R + s.outer) / 2, 0.0, -SEAT),
+        "jig": (x - s.rim + 0.5, 0.0, jig.lid / 2),
+        "bar": (x - s.rim + 0.5, 0.0, jig.top + jig.bar / 2),
         "plunger": (x + (jig.vent + jig.tip) / 2, 0.0, jig.lid / 2),
         "cast": (x - (s.R + s.pin_radius) / 2, 0.0, -s.pin_depth),
         "magnet": (x, -design.magnet_diameter / 2, -jig.depth - design.magnet_height / 2),
@@ -234,7 +293,7 @@ def triangulated_parts(
     from geometry.fabrication.printability import standing
 
     parts = {name: part for name, part in solids.sensor.items() if name != "base"}
-    parts |= {"base": standing(solids.sensor["base"])} if solids.plan else {}
+    parts |= {"base": standing(solids.sensor["base"])} if solids.plan and not solids.whole else {}
     turned = ("mold_a", "jig", "jig_plunger")
     printed = solids.mold | solids.jig | solids.bench
     parts |= {name: standing(part, upside_down=name in turned) for name, part in printed.items()}

@@ -18,7 +18,7 @@ from fem.solution import Solution
 from geometry import cad
 from geometry.arrays import Array, Ints, Point
 from geometry.bad_input import SolveFailed
-from geometry.base import Base, base
+from geometry.base import Base, base, plan
 from geometry.design import Design
 from geometry.fabrication.hall_elements import bodies
 from geometry.fabrication.technical_drawing import Dimension, Piece, View, picture
@@ -36,7 +36,7 @@ THICK = 0.15
 
 def lengths(design: Design) -> str:
     """Return the drawing of all lengths of a design, with the axes along which its Hall elements measure, as SVG."""
-    parts = {"base": base(design, Base(shape="round")), "silicone": cad.silicone(design)}
+    parts = {"base": base(plan(design, Base(shape="round"))), "silicone": cad.silicone(design)}
     if design.shape.has_magnet:
         parts["magnet"] = cad.magnet(design)
     elements = bodies(design)

@@ -73,7 +73,7 @@ def parse_tolerance(text: str) -> float:
 
 def parse_choices(option: str, texts: Sequence[str], kind: type) -> dict[str, Any]:
     """Return fields of a dataclass from texts KEY=VALUE, as numbers where possible; the class checks their ranges."""
-    names = [spec.name for spec in dataclasses.fields(kind)]
+    names = keys_of(kind)
     choices = pairs(option, texts, f"{names[-1]}=2")
     check_keys(option, choices, names)
     found: dict[str, Any] = dict(choices)
@@ -83,6 +83,11 @@ def parse_choices(option: str, texts: Sequence[str], kind: type) -> dict[str, An
             # a whole number, even if it is written 1e9 or 3.0
             found[key] = int(value) if value.is_integer() else value
     return found
+
+
+def keys_of(kind: type) -> list[str]:
+    """Return the fields of a dataclass that are given as KEY=VALUE."""
+    return [spec.name for spec in dataclasses.fields(kind) if "stated" not in spec.metadata]
 
 
 def pairs(option: str, texts: Sequence[str], example: str) -> dict[str, str]:

@@ -18,7 +18,7 @@ from studies.output.result import Result, Table
 from studies.quantities import shown
 
 if TYPE_CHECKING:
-    from geometry.base import Plan
+    from geometry.base import ArrayPlan, Plan
 
 
 def origin(name: str, design: Design) -> str:
@@ -161,13 +161,13 @@ def hall_part(design: Design) -> FlatRow:
     }
 
 
-def outer_size(design: Design, plan: Plan | None) -> FlatRow:
+def outer_size(design: Design, plan: Plan | None, whole: ArrayPlan | None = None) -> FlatRow:
     """Return the outer sizes (x, y, z), mm, of the beam alone and of the sensor on its base, and the length of the
-    Hall elements' leads below the base; None without a `plan` of the base.
+    Hall elements' leads below the base; None without a `plan` of the base. That of an array is that of `whole`.
     """
     from geometry import base
 
-    size, leads = base.outer_size(design, plan) if plan else (None, None)
+    size, leads = base.outer_size(design, plan, whole) if plan else (None, None)
     return {
         "beam_size_mm": (design.D, design.D, design.L),
         "assembled_size_mm": size,
