@@ -23,7 +23,7 @@ from analytic.magnet import repulsion, resting_distance
 from geometry import base
 from geometry.array_design import grid_array
 from geometry.cad import beam_volume
-from geometry.design import BadInput, Design, paper
+from geometry.design import BadInput, Design, paper, preset
 from geometry.fabrication import hall_elements
 from geometry.fabrication.printability import Check
 from geometry.mold import Mold
@@ -96,6 +96,17 @@ def test_the_recipe_names_files_volumes_and_checks(made):
     # the magnet's top of the paper's beam, L - D/2 - h/2 below the base plane
     assert "must lie 4.00 mm below B's rim" in text
     assert "nan" not in text
+
+
+def test_the_check_of_a_made_sensor_moves_the_magnet_as_far_as_all_readings_change():
+    """At 0.5 mm the chip of the fingertip reads the end of its range."""
+    asked = {name: casting_recipe.expected_readings(preset(name)) for name in ("paper", "fingertip")}
+    assert {name: (each["moved"], each["saturated"]) for name, each in asked.items()} == {
+        "paper": (0.5, []),
+        "fingertip": (0.3, []),
+    }
+    (_, rest, lower, *_), *_ = asked["fingertip"]["rows"]
+    assert rest < lower < 80
 
 
 def test_no_cure_is_hotter_than_mould_and_magnet_stand():

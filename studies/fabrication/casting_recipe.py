@@ -277,27 +277,24 @@ PINS = {"VDD": "supply (+)", "GND": "ground", "OUT": "output"}
 """Words for the nets of a one-axis element."""
 PINCH = 30.0
 """Force of two magnets that touch from which on they hurt a finger, N: some ten times that of a fridge magnet."""
-MOVED = 0.5
-"""Displacement of the magnet in the table of expected readings, mm."""
+MOVED = (0.5, 0.3, 0.2, 0.1)
+"""Displacements of the magnet in the table of expected readings, mm: the first that leaves all parts in range."""
 
 
 def expected_readings(design: Design) -> FlatRow:
-    """Return what the elements read at rest, and with the magnet 0.5 mm lower, and 0.5 mm towards x and y.
+    """Return what the elements read at rest, and with the magnet lower, and moved towards x and y.
 
+    moved : by how much, mm, one of `MOVED`.
     unit : V, or mT of a chip. rows : name of an element and these four readings.
     saturated : names of the elements that are at an end of their range in one of them.
     per_gap, per_shift : change of the first element's field by 0.1 mm of height, and of the difference of the next
         two by 0.1 mm of the magnet towards x, percent of the first one at rest.
     """
-    poses = [
-        (0.0, 0.0, 0.0),
-        (0.0, 0.0, -MOVED),
-        (MOVED, 0.0, 0.0),
-        (0.0, MOVED, 0.0),
-        (0.0, 0.0, -0.1),
-        (0.1, 0.0, 0.0),
-    ]
-    found = [hall.readings(design, shift=pose) for pose in poses]
+    for moved in MOVED:
+        poses = [(0.0, 0.0, 0.0), (0.0, 0.0, -moved), (moved, 0.0, 0.0), (0.0, moved, 0.0)]
+        found = [hall.readings(design, shift=pose) for pose in (*poses, (0.0, 0.0, -0.1), (0.1, 0.0, 0.0))]
+        if not any(any(each.saturated) for each in found[:4]):
+            break
     names, units = element_names(design.hall_layout, int(design.chip_count))
     values = [list(each.output) if units == "V" else [1e3 * value for value in each.output] for each in found]
     rows = [(name, *(reading[k] for reading in values[:4])) for k, name in enumerate(names)]
@@ -307,7 +304,8 @@ def expected_readings(design: Design) -> FlatRow:
     gap = 100 * abs(fields[4][0] - fields[0][0]) / first
     full = [name for k, name in enumerate(names) if any(each.saturated[k] for each in found[:4])]
     unit = "V" if units == "V" else "mT"
-    return {"unit": unit, "rows": rows, "saturated": full, "per_gap": gap, "per_shift": 100 * aside / first}
+    shares = {"per_gap": gap, "per_shift": 100 * aside / first}
+    return {"moved": moved, "unit": unit, "rows": rows, "saturated": full} | shares
 
 
 def _holding_force(design: Design) -> float:
