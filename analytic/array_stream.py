@@ -44,7 +44,7 @@ class ArrayStream:
         self.coder, self.array, self._jitter = coder, array, jitter
         self.offset = np.zeros((len(array), len(coder.forward.elements)))
         self._last = np.zeros((len(array), 3))
-        self._past: list[TimeSeries] | None = None
+        self._past: TimeSeries | None = None
 
     def zero(self, fields: Array) -> None:
         """Take frames of readings (m, n, k), T, for those of the array at rest, where it has relaxed."""
@@ -68,9 +68,8 @@ class ArrayStream:
         flags = (full, np.isfinite(rows).all(axis=1), found, fits, pressed)
         status = [_word(*each) for each in zip(*(flag.tolist() for flag in flags), strict=True)]
         if time is not None:
-            self._past = self._past or [TimeSeries(self.coder, self._jitter) for _ in range(len(self.array))]
-            for k, series in enumerate(self._past):
-                status[k], force[k] = series.step(time, rows[k], status[k], force[k], load[k])
+            self._past = self._past or TimeSeries(self.coder, self._jitter, len(self.array))
+            status, force = self._past.step(time, rows, status, force, load)
         return Frame(status, shift, tilt, force, load, (rows - total + own) * self.array.poles[:, None])
 
     def _poses(self, rows: Array) -> tuple[Array, Array, Array]:

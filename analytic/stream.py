@@ -68,6 +68,6 @@ class Stream:
             status = "tension"
         if time is not None:
             self._past = self._past or TimeSeries(self.coder, self._jitter)
-            status, force = self._past.step(time, row, status, force[:, 0], load[:, 0])
+            (status,), force = self._past.step(time, row[None], [status], force.T, load.T)
         (x, y, z), (rx, ry), (f_x, f_y, f_n) = (values.ravel().tolist() for values in (shift, tilt, force))
         return Sample(status, (x, y, z), (rx, ry), (f_x, f_y, f_n), len(poses))

@@ -22,11 +22,11 @@ Exact for an incompressible silicone under small motions about a press, for any 
 """
 
 import math
-from collections import deque
 from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from analytic.decode import Decoder, Status
 from analytic.inverse.forward_model import readings_with_slopes
@@ -50,24 +50,26 @@ INSTANT = 1e-12
 
 
 class RelaxingForce:
-    """Force of a sensor whose silicone relaxes, from the forces of slow loading at its poses, row by row.
+    """Force of sensors whose silicone relaxes, from the forces of slow loading at their poses, row by row.
 
     Parameters
     ----------
     design : its loss factor or branches, and which modulus E is.
     branches : others than those of the design.
+    sensors : numbers of them in the axes before the last one of all forces and shears; () for one sensor.
 
     Attributes
     ----------
     slow : force of slow loading over that of the design's E.
     """
 
-    def __init__(self, design: Design, branches: Relaxation | None = None) -> None:
+    def __init__(self, design: Design, branches: Relaxation | None = None, sensors: tuple[int, ...] = ()) -> None:
         branches = relaxation_of(design) if branches is None else branches
         self._times, self._grown = np.array(branches.times), np.array(branches.shares) / branches.rest
         self.slow, self._softening = moduli(design)[1] / design.E_now, softening(design)
-        self._time, self._last, self._parts = math.nan, np.zeros(3), np.zeros((len(self._times), 3))
-        self._least, self._most = np.zeros(3), np.zeros(3)
+        self._time, self._last = np.full(sensors, math.nan), np.zeros((*sensors, 3))
+        self._parts = np.zeros((*sensors, len(self._times), 3))
+        self._least, self._most = np.zeros((2, *sensors, 3))
 
     @property
     def relaxes(self) -> bool:
@@ -84,32 +86,36 @@ class RelaxingForce:
         return float(self._grown.sum() * change * (1 + np.linalg.norm(leaning)))
 
     def _resisted(self, force: Array, shear: Array) -> tuple[Array, Array]:
-        slow, leaning = self.slow * np.asarray(force, dtype=float), self._softening * np.append(shear, 0.0)
-        return slow + leaning * slow[2], leaning
+        slow, leaning = self.slow * np.asarray(force, dtype=float), np.zeros(np.shape(force))
+        leaning[..., :2] = self._softening * np.asarray(shear)
+        return slow + leaning * slow[..., 2:], leaning
 
     def step(self, time: float, force: Array, shear: Array) -> Array:
-        """Return the force (3,) at a time, s.
+        """Return the force (..., 3) at a time, s.
 
         Parameters
         ----------
         time : not before that of the last step; a change within no time is elastic. NaN where it is not known: the
             force is that of slow loading, from which it may differ by `reach`.
-        force, shear : force (3,) by the design's E without relaxation, and shear (2,) of the plate; NaN where they
-            are not known, which gives NaN and is bridged by a straight line.
+        force, shear : force (..., 3) by the design's E without relaxation, and shear (..., 2) of the plate; NaN where
+            they are not known, which gives NaN and is bridged by a straight line.
         """
         resisted, leaning = self._resisted(force, shear)
-        if not np.isfinite(resisted).all():
-            return np.full(3, np.nan)
-        self._least, self._most = np.minimum(self._least, resisted), np.maximum(self._most, resisted)
+        known = np.asarray(np.isfinite(resisted).all(axis=-1))
+        each = known[..., None]
+        self._least = np.where(each, np.minimum(self._least, resisted), self._least)
+        self._most = np.where(each, np.maximum(self._most, resisted), self._most)
         if math.isnan(time):
-            return self.slow * np.asarray(force, dtype=float)
-        if not math.isnan(self._time):
-            x = max(time - self._time, INSTANT) / self._times
-            gained = self._grown * -np.expm1(-x) / x
-            self._parts = np.exp(-x)[:, None] * self._parts + gained[:, None] * (resisted - self._last)
-        self._time, self._last = time, resisted
-        now: Array = resisted + self._parts.sum(axis=0)
-        return np.asarray(now - leaning * now[2])
+            return np.where(each, self.slow * np.asarray(force, dtype=float), math.nan)
+        # NaN before the first row
+        x = (np.maximum(time - self._time, INSTANT))[..., None] / self._times
+        gained = self._grown * -np.expm1(-x) / x
+        parts = np.exp(-x)[..., None] * self._parts + gained[..., None] * (resisted - self._last)[..., None, :]
+        self._parts = np.where((known & ~np.isnan(self._time))[..., None, None], parts, self._parts)
+        self._time = np.where(known, time, self._time)
+        self._last = np.where(each, resisted, self._last)
+        now = resisted + self._parts.sum(axis=-2)
+        return np.where(each, now - leaning * now[..., 2:], math.nan)
 
 
 def least_jumps(coder: Decoder) -> Array:
@@ -121,76 +127,108 @@ def least_jumps(coder: Decoder) -> Array:
 
 
 class RowChecks:
-    """What is wrong with a row of readings beside the rows before it.
+    """What is wrong with rows of readings beside the rows before them.
 
     Parameters
     ----------
     elements : of the readings, whose noise counts.
     least : (k,) changes of readings below which none is a jump.
     jitter : how much later than it was measured a row may come, s, where its time is that of its arrival.
+    sensors : number of them, whose rows come together.
     """
 
-    def __init__(self, elements: Sequence[Element], least: Array, jitter: float = 0.0) -> None:
+    def __init__(self, elements: Sequence[Element], least: Array, jitter: float = 0.0, sensors: int = 1) -> None:
         # only a noise that moves the converter tells a value at rest from one that is repeated for ever
         self._dithered = np.array([e.noise > 0 and e.noise >= e.step for e in elements])
-        self._least = least
-        self._repeats, self._row = np.zeros(len(self._least), dtype=int), np.full(len(self._least), np.nan)
-        self._steady = self._row
-        self._changes: deque[Array] = deque(maxlen=RECENT)
-        self._intervals: deque[float] = deque(maxlen=RECENT)
+        size = (sensors, len(least))
+        self._least, self._repeats = least, np.zeros(size, dtype=int)
+        # the row before, and the last one that was no jump
+        self._rows = np.full((2, *size), np.nan)
+        # the newest last; NaN while there are less than these
+        self._changes, self._intervals = np.full((RECENT, *size), np.nan), np.full((RECENT, sensors), np.nan)
         self._time, self._jitter = math.nan, jitter
 
-    def word(self, time: float, row: Array) -> Status:
-        """Return the status of a row (k,), T, at a time, s, by the rows before it: frozen, after_gap, jump or ok.
+    def words(self, time: float, rows: Array) -> list[Status]:
+        """Return the statuses of rows (n, k), T, at a time, s, by those before: frozen, after_gap, jump or ok.
 
         time : NaN where it is not known: then rows that are missing are not seen.
         """
-        interval, full = time - self._time, len(self._changes) == RECENT
-        self._repeats = np.where(row == self._row, self._repeats + 1, 0)
-        frozen = bool((self._dithered & (self._repeats >= REPEATS - 1)).any())
-        known = sorted(self._intervals)
-        late = full and bool(known) and interval - self._jitter > LATE * known[len(known) // 2]
+        interval = time - self._time
+        self._repeats = np.where(rows == self._rows[0], self._repeats + 1, 0)
+        frozen = np.asarray((self._dithered & (self._repeats >= REPEATS - 1)).any(axis=1))
+        full = np.isfinite(self._changes[0, :, 0])
+        # NaN comes last
+        known = np.sort(self._intervals, axis=0)
+        middle = known[np.isfinite(known).sum(axis=0) // 2, np.arange(len(rows))]
+        late = np.asarray(full & (interval - self._jitter > LATE * middle))
         # a single wrong row is a jump, but neither the way back from it nor a row that stays where a jump led
-        changes = np.abs(row - np.stack([self._row, self._steady]))
-        least = np.maximum(JUMP * np.max(self._changes, axis=0), self._least) if full else np.inf
-        apart = (changes > least).any(axis=1)
-        jumps = bool(apart.all())
-        change = changes[apart.argmin()]
-        if not jumps:
-            self._steady = row
-            if np.isfinite(change).all():
-                self._changes.append(change)
-                if math.isfinite(interval):
-                    self._intervals.append(interval)
-        self._time, self._row = time, row
-        return "frozen" if frozen else "after_gap" if late else "jump" if jumps else "ok"
+        changes = np.abs(rows - self._rows)
+        apart = (changes > np.maximum(JUMP * self._changes.max(axis=0), self._least)).any(axis=2)
+        jumps = np.asarray(apart.all(axis=0))
+        change = np.where((apart[0] & ~jumps)[:, None], changes[1], changes[0])
+        usual = ~jumps & np.isfinite(change).all(axis=1)
+        self._changes = _with(self._changes, change, usual)
+        self._intervals = _with(self._intervals, np.full(len(rows), interval), usual & math.isfinite(interval))
+        self._rows = np.stack([rows, np.where(jumps[:, None], self._rows[1], rows)])
+        self._time = time
+        flags = zip(frozen.tolist(), late.tolist(), jumps.tolist(), strict=True)
+        return ["frozen" if f else "after_gap" if g else "jump" if j else "ok" for f, g, j in flags]
+
+
+def _with(recent: Array, values: Array, some: NDArray[np.bool_]) -> Array:
+    """Return recent values (RECENT, n, ...), of `some` sensors (n,) with new ones (n, ...) in place of the oldest."""
+    chosen = some.reshape(-1, *[1] * (values.ndim - 1))
+    return np.where(chosen, np.concatenate([recent[1:], values[None]]), recent)
 
 
 class TimeSeries:
-    """Status and force of decoded rows, by the rows before them; see `RowChecks` and `RelaxingForce`."""
+    """Statuses and forces of decoded rows, by the rows before them; see `RowChecks` and `RelaxingForce`.
 
-    def __init__(self, coder: Decoder, jitter: float = 0.0) -> None:
-        self._checks = RowChecks(coder.forward.elements, least_jumps(coder), jitter)
-        self._force = RelaxingForce(coder.forward.design)
-        self._lost = False
+    sensors : number of them, whose rows come together.
+    """
 
-    def step(self, time: float, row: Array, status: Status, force: Array, load: Array) -> tuple[Status, Array]:
-        """Return status and force (3,) of a row (k,), T, at a time, s, from what its readings alone gave.
+    def __init__(self, coder: Decoder, jitter: float = 0.0, sensors: int = 1) -> None:
+        self._checks = RowChecks(coder.forward.elements, least_jumps(coder), jitter, sensors)
+        self._force = RelaxingForce(coder.forward.design, sensors=(sensors,))
+        self._lost = [False] * sensors
+
+    def step(
+        self, time: float, rows: Array, statuses: Sequence[Status], force: Array, load: Array
+    ) -> tuple[list[Status], Array]:
+        """Return statuses and forces (n, 3) of rows (n, k), T, at a time, s, from what their readings alone gave.
 
         A frozen reading gives no force; a row after some without a force is `after_gap`, as one after missing rows. A
         row whose time is not known (NaN) has the force of slow loading, and is `untimed` if its silicone relaxes.
         """
-        word, lost = self._checks.word(time, row), self._lost
-        total = np.full(3, np.nan) if word == "frozen" else self._force.step(time, force, load[1:])
+        words, lost = self._checks.words(time, rows), self._lost
+        frozen = np.array([word == "frozen" for word in words])
+        slow = np.where(frozen[:, None], math.nan, force)
+        total = self._force.step(time, slow, load[:, 1:])
         untimed = math.isnan(time) and self._force.relaxes
-        self._lost = untimed or bool(np.isnan(total).any())
-        if word == "frozen":
-            return word, total
-        if lost and word == "ok":
-            word = "after_gap"
-        if untimed and word != "jump":
-            word = "untimed"
-        return (word if word != "ok" and status in ("ok", "uncalibrated") else status), total
+        self._lost = [untimed or missing for missing in np.asarray(np.isnan(total).any(axis=1)).tolist()]
+        return [_told(*each, untimed=untimed) for each in zip(words, lost, statuses, strict=True)], total
+
+
+def _told(word: Status, lost: bool, status: Status, *, untimed: bool) -> Status:
+    """Return the status of a row from what the rows before it say, and its readings alone."""
+    if word == "frozen":
+        return word
+    if lost and word == "ok":
+        word = "after_gap"
+    if untimed and word != "jump":
+        word = "untimed"
+    return word if word != "ok" and status in ("ok", "uncalibrated") else status
+
+
+def over_time(
+    coder: Decoder, times: Array, rows: Array, statuses: Sequence[Status], force: Array, load: Array
+) -> tuple[list[Status], Array]:
+    """Return statuses and forces of rows of one sensor that follow each other, as `TimeSeries` does."""
+    past, found, total = TimeSeries(coder), list(statuses), np.empty(force.shape)
+    for k, time in enumerate(times.tolist()):
+        one = slice(k, k + 1)
+        found[one], total[one] = past.step(time, rows[one], found[one], force[one], load[one])
+    return found, total
 
 
 def zeroed(coder: Decoder, offset: Array) -> Decoder:

@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose
 from analytic.decode import decoder
 from analytic.inverse.forward_model import readings_with_slopes
 from analytic.stream import Stream
-from analytic.time_series import RelaxingForce, TimeSeries, zero_offset
+from analytic.time_series import RelaxingForce, TimeSeries, over_time, zero_offset
 from fem.analyses.timed_path import TimeControl, TimedLoad, follow
 from fem.equilibrium import solve
 from geometry.design import Design
@@ -91,8 +91,8 @@ def rows_at(coder, depth):
 
 def words(coder, times, rows):
     past = TimeSeries(coder)
-    rest = np.zeros(3)
-    return [past.step(time, row, "ok", rest, rest)[0] for time, row in zip(times, rows, strict=True)]
+    rest = np.zeros((1, 3))
+    return [past.step(time, row[None], ["ok"], rest, rest)[0][0] for time, row in zip(times, rows, strict=True)]
 
 
 def test_rows_that_repeat_are_missing_or_jump_are_marked():
@@ -117,7 +117,7 @@ def test_a_row_after_one_without_a_force_says_so():
     found = []
     for time, force in zip(times, (0.0, math.nan, 1.0, 1.0), strict=True):
         status = "saturated" if math.isnan(force) else "ok"
-        found.append(past.step(time, np.full(3, 0.01 + time), status, np.full(3, force), np.zeros(3))[0])
+        found += past.step(time, np.full((1, 3), 0.01 + time), [status], np.full((1, 3), force), np.zeros((1, 3)))[0]
     assert found == ["ok", "saturated", "after_gap", "ok"]
 
 
@@ -187,5 +187,23 @@ def test_rows_without_times_are_checked_and_the_next_one_is_after_a_gap():
     past, rows = TimeSeries(coder), rest + 1e-6 * rng.normal(size=(20, 3))
     rows[15] += 0.02
     times = [*[math.nan] * 17, 0.0, 0.1, 0.2]
-    found = [past.step(time, row, "ok", np.ones(3), np.zeros(3))[0] for time, row in zip(times, rows, strict=True)]
+    rows, force, load = rows[:, None], np.ones((1, 3)), np.zeros((1, 3))
+    found = [past.step(time, row, ["ok"], force, load)[0][0] for time, row in zip(times, rows, strict=True)]
     assert found == [*["untimed"] * 15, "jump", "untimed", "after_gap", "ok", "ok"]
+
+
+def test_rows_of_sensors_that_come_together_are_those_of_each_alone():
+    coder, rng = decoder(Design(hall_noise=0.002)), np.random.default_rng(2)
+    rows = np.array([0.01, 0.02, 0.03]) + coder.sigma * rng.normal(size=(60, 3, 3))
+    times, force = np.arange(60) / 100 + 0.1 * (np.arange(60) > 50), np.cumsum(rng.normal(size=(60, 3, 3)), axis=0)
+    rows[20, 0] += 0.05
+    rows[30:, 1] = rows[30, 1]
+    force[40, 2] = math.nan
+    statuses, load = ["ok"] * 3, 0.1 * force
+    together = TimeSeries(coder, sensors=3)
+    found = [together.step(times[k], rows[k], statuses, force[k], load[k]) for k in range(60)]
+    assert {"jump", "frozen", "after_gap"} <= {word for words, _ in found for word in words}
+    for k in range(3):
+        words, total = over_time(coder, times, rows[:, k], ["ok"] * 60, force[:, k], load[:, k])
+        assert words == [words_of[k] for words_of, _ in found]
+        assert_allclose(total, [total_of[k] for _, total_of in found])

@@ -92,7 +92,9 @@ def solve_frame(row, lost, array, scale, shift, values):
         last = length
         if length * max(ratio * ratio, lacking) < CONVERGED * D:
             for q in range(m):
-                _add(values[q], slopes[q], step[pairs[1, q]])
+                p = step[pairs[1, q]]
+                for a in range(k):
+                    values[q, a] += slopes[q, a, 0] * p[0] + slopes[q, a, 1] * p[1] + slopes[q, a, 2] * p[2]
             return True
     return False
 
@@ -107,18 +109,17 @@ def _least_squares(pairs, A, misfit, metric):
     p, x, z, weighed, rest = np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3)), misfit.copy(), np.zeros((n, 3))
     _weigh(metric, misfit, weighed)
     _gather(pairs, A, weighed, 1.0, rest)
-    scales, moved = _own_inverses(pairs, A, metric), np.empty(misfit.shape)
+    scales, moved, own = _own_inverses(pairs, A, metric), np.empty(misfit.shape), np.empty((2, n), pairs.dtype)
+    own[:] = np.arange(n)
     first, last, size = 0.0, 1.0, 0.0
     for turn in range(3 * n + STEPS):
-        _weigh_each(scales, rest, z)
+        _apply(own, scales, rest, z)
         size = _product(z, rest)
         first = size if turn == 0 else first
         if not size > SOLVED * SOLVED * first:
             break
         _combine(1.0, z, size / last if turn else 0.0, p)
-        moved[:] = 0.0
-        for q in range(len(A)):
-            _add(moved[pairs[0, q]], A[q], p[pairs[1, q]])
+        _apply(pairs, A, p, moved)
         _weigh(metric, moved, weighed)
         share = size / _product(moved, weighed)
         _combine(share, p, 1.0, x)
@@ -128,10 +129,14 @@ def _least_squares(pairs, A, misfit, metric):
 
 
 @compiled
-def _add(y, A, x):
-    """Add A x to y, with A of shape (k, 3)."""
-    for a in range(len(y)):
-        y[a] += A[a, 0] * x[0] + A[a, 1] * x[1] + A[a, 2] * x[2]
+def _apply(pairs, A, p, found):
+    """Fill A p (n, k), by pairs, for p (n, 3)."""
+    found[:] = 0.0
+    for q in range(len(A)):
+        i, j = pairs[0, q], pairs[1, q]
+        x, y, z = p[j, 0], p[j, 1], p[j, 2]
+        for a in range(A.shape[1]):
+            found[i, a] += A[q, a, 0] * x + A[q, a, 1] * y + A[q, a, 2] * z
 
 
 @compiled
@@ -141,8 +146,9 @@ def _gather(pairs, A, b, share, found):
         i, j = pairs[0, q], pairs[1, q]
         for a in range(A.shape[1]):
             weight = share * b[i, a]
-            for c in range(3):
-                found[j, c] += A[q, a, c] * weight
+            found[j, 0] += A[q, a, 0] * weight
+            found[j, 1] += A[q, a, 1] * weight
+            found[j, 2] += A[q, a, 2] * weight
 
 
 @compiled
@@ -153,14 +159,6 @@ def _weigh(metric, rows, found):
             found[i, a] = 0.0
             for b in range(len(metric)):
                 found[i, a] += metric[a, b] * rows[i, b]
-
-
-@compiled
-def _weigh_each(scales, rows, found):
-    """Fill the product of matrices (n, 3, 3) with rows (n, 3)."""
-    found[:] = 0.0
-    for i in range(len(rows)):
-        _add(found[i], scales[i], rows[i])
 
 
 @compiled

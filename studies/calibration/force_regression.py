@@ -379,7 +379,7 @@ class Series:
 
     def step(self, time: float, row: Array, status: Status) -> Status:
         """Return the status of a row (k,) at a time, s, from that of its readings alone; `frozen` has no force."""
-        word, lost = self._checks.word(time, row), self._lost
+        (word,), lost = self._checks.words(time, row[None]), self._lost
         self._lost = word == "frozen" or status in ("saturated", "not_finite")
         if lost and word == "ok":
             word = "after_gap"

@@ -26,7 +26,6 @@ from analytic.inverse import pose_search
 from analytic.inverse.forward_model import readings_at, readings_with_slopes
 from analytic.inverse.response_surface import force_and_load, forces, shifts_of_forces
 from analytic.parts import columns, with_noise
-from analytic.time_series import TimeSeries
 from geometry.array_design import ArrayDesign
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
@@ -376,11 +375,9 @@ def reference(coder: Decoder, made: Tolerances | None, outputs: Array, times: Ar
     field = field_of(coder.forward.elements, outputs)
     found = decode(coder, field, follow=True)
     status = found.status if made is None else decode_tolerances.check(coder, field, found, made).status
-    force = found.force.copy()
+    force = found.force
     if times is not None:
-        past = TimeSeries(coder)
-        for k, row in enumerate(zip(times.tolist(), field, status, found.force, found.load, strict=True)):
-            status[k], force[k] = past.step(*row)
+        status, force = time_series.over_time(coder, times, field, status, found.force, found.load)
     answer = {"status": status, "shift": found.shift, "tilt": found.tilt, "force": force}
     if coder.field_fit is not None:
         answer["ambient"] = ambient_of(coder, field, found.shift)[0]

@@ -17,12 +17,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from analytic import beam
+from analytic import beam, time_series
 from analytic.decode import ambient_of, decode, decoder, exceeded_limit, field_of, poses_outside
 from analytic.hall import at_rail
 from analytic.inverse import response_surface
 from analytic.parts import columns
-from analytic.time_series import RelaxingForce, TimeSeries, zero_offset, zeroed
+from analytic.time_series import RelaxingForce, zero_offset, zeroed
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.loads import ANSWERED, Load, tilts_of
@@ -429,9 +429,7 @@ def over_time(
     `field`, `slow`, `load`: of rows at times (n,), s: readings (n, k), T, and force of slow loading (n, 3) with its
     load.
     """
-    past, force, found = TimeSeries(coder), np.empty(slow.shape), list(statuses)
-    for k, row in enumerate(zip(times.tolist(), field, statuses, slow, load, strict=True)):
-        found[k], force[k] = past.step(*row)
+    found, force = time_series.over_time(coder, times, field, statuses, slow, load)
     known = np.where(np.array(found)[:, None] == "frozen", np.nan, slow)
     return force, found, np.column_stack([force - slow, law_errors(coder.forward.design, times, known, load, force)])
 
