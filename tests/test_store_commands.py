@@ -138,6 +138,7 @@ def test_a_path_has_the_totals_of_its_states_and_a_vibration_the_load_about_whic
         kept.add(CONTENT | {"quantity": "response", "load": load}, [replace(PRESSED, depth=0.0)])
     (row,), (path,) = (listing(file, "quantity=response", of_paths=of_paths)[1] for of_paths in (False, True))
     assert (row["depth_over_D"], row["shear_over_D"]) == (0.125, 0.05)
+    assert listing(file, "quantity=response", "depth_over_D=0.125", "shear_over_D=0.05")[0]["states"] == 1
     assert (path["greatest_depth_over_D"], path["greatest_shear_over_D"]) == (0.125, 0.05)
 
 

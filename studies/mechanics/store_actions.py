@@ -124,7 +124,11 @@ def states(connection: sqlite3.Connection) -> pd.DataFrame:
     )
     frame = pd.DataFrame(rows.fetchall(), columns=["path", *ROW]).set_index(["path", "depth", "shear"])
     at = {f"{name}_over_D": pd.to_numeric(frame.index.get_level_values(name), "coerce") for name in ROW[:2]}
-    return frame.assign(**at).join(paths(connection), how="inner")
+    rows = frame.assign(**at).join(paths(connection), how="inner")
+    return rows.assign(
+        depth_over_D=_position(rows.depth_over_D, rows.modes_at_depth_over_D),
+        shear_over_D=_position(rows.shear_over_D, rows.at_shear_over_D),
+    )
 
 
 def paths(connection: sqlite3.Connection) -> pd.DataFrame:
@@ -414,13 +418,9 @@ def size_MB(file: Path) -> float:
     return sum(part.stat().st_size for part in parts if part.exists()) / 1e6
 
 
-def _position(at: pd.Series[Any], of_load: pd.Series[Any], found: pd.Series[Any] | None = None) -> pd.Series[Any]:
-    """Return positions; those of vibrations, cycles and modes, 0 as states, stand in their content.
-
-    found : to which wanted forces have led.
-    """
-    of_load = of_load.astype(object)
-    return at.astype(object).where(at != 0, (of_load if found is None else of_load.fillna(found)).fillna(0))
+def _position(at: pd.Series[Any], of_load: pd.Series[Any]) -> pd.Series[Any]:
+    """Return positions over D; one that is 0 as a state stands in the load of a path or follows from a force."""
+    return at.astype(object).where(at != 0, of_load.astype(object).fillna(0))
 
 
 def _states(connection: sqlite3.Connection, found: pd.DataFrame, limit: int) -> pd.DataFrame:
@@ -430,8 +430,8 @@ def _states(connection: sqlite3.Connection, found: pd.DataFrame, limit: int) -> 
     rows = rows.reindex(columns=list(dict.fromkeys([*rows, "depth_mm", "shear_mm"])))
     D = rows.solved_D_mm
     return rows.assign(
-        depth_over_D=_position(rows.depth_over_D, rows.modes_at_depth_over_D, rows.depth_mm / D),
-        shear_over_D=_position(rows.shear_over_D, rows.at_shear_over_D, rows.shear_mm / D),
+        depth_over_D=_position(rows.depth_over_D, rows.depth_mm / D),
+        shear_over_D=_position(rows.shear_over_D, rows.shear_mm / D),
         status=rows.status.mask(rows.damaged, DAMAGED),
     )[LISTED]
 
@@ -440,12 +440,11 @@ def _paths(connection: sqlite3.Connection, found: pd.DataFrame, limit: int) -> p
     keys = dict(connection.execute("SELECT id, key FROM path").fetchall())
     of_path = found.assign(not_ok=found.outcome != "ok").groupby("path")
     rows = of_path[PATH_COLUMNS].first().assign(states=of_path.size(), not_ok=of_path.not_ok.sum())
-    places = of_path[["modes_at_depth_over_D", "at_shear_over_D"]].first()
     return (
         rows.assign(
-            least_depth_over_D=_position(of_path.depth_over_D.min(), places.modes_at_depth_over_D),
-            greatest_depth_over_D=_position(of_path.depth_over_D.max(), places.modes_at_depth_over_D),
-            greatest_shear_over_D=_position(of_path.shear_over_D.max(), places.at_shear_over_D),
+            least_depth_over_D=of_path.depth_over_D.min(),
+            greatest_depth_over_D=of_path.depth_over_D.max(),
+            greatest_shear_over_D=of_path.shear_over_D.max(),
             seconds=of_path.seconds.sum(),
             added=of_path.added.max(),
             key=rows.index.map(keys),
