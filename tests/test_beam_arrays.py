@@ -3,6 +3,7 @@
 import contextlib
 import io
 import json
+from collections import Counter
 from dataclasses import replace
 
 import magpylib
@@ -13,15 +14,17 @@ import pytest
 from analytic import beam_arrays, buckling, parts
 from analytic.array_stream import ArrayStream
 from analytic.beam_arrays import beam_array, magnet_forces, readings_of_array, slopes_of_array
-from analytic.decode import decoder
+from analytic.decode import decode, decoder
 from analytic.hall import field_at
-from analytic.inverse.forward_model import model, readings_with_slopes
+from analytic.inverse.forward_model import model, readings_at, readings_with_slopes
 from analytic.magnet import repulsion
 from geometry.array_design import POLARITIES, ArrayDesign, poles_of
 from geometry.base import Base, plan
 from geometry.design import BadInput, paper
 from studies.cli import main
-from studies.sensing import crosstalk
+from studies.sensing import crosstalk, decode_readings
+from studies.sensing.array_readings import ArrayDecoder, frame_status
+from studies.sensitivity.decode_tolerances import frame_statuses
 
 DESIGN = paper()
 STILL = model(DESIGN)
@@ -362,6 +365,28 @@ def test_a_stream_of_frames_follows_its_beams_and_knows_those_without_readings()
     drift = np.random.default_rng(1).normal(0, 1e-3, (4, 3))
     stream.zero(readings_of_array(array, np.zeros((2, 4, 3))) + drift)
     assert stream.step(readings[3] + drift).shift == pytest.approx(shift[3], abs=1e-9)
+
+
+def test_beams_at_rest_do_not_hide_that_another_one_is_loaded():
+    """Noise at rest may be the tolerances of a built sensor: of all beams together only where none is loaded."""
+    design = replace(DESIGN, hall_layout="tle493d-w2b6", chip_noise=5e-5)
+    coder = decoder(design, decode_readings.of_level(design, "finite"))
+    pads = ArrayDesign(design, np.array([[0.0, 0.0], [16.0, 0.0], [0.0, 16.0]]), np.ones(3))
+    pressed, noise = np.zeros((3, 3)), coder.sigma * np.random.default_rng(1).normal(size=(20, 3, 3))
+    pressed[1, 2] = -0.8
+    seen, (deviation,) = [], decode(coder, readings_at(coder.forward, np.zeros((3, 1))).T).noise_N
+    for shift in (pressed, np.zeros((3, 3))):
+        decoding = ArrayDecoder(pads, coder, frame_statuses(coder))
+        fields = readings_of_array(decoding.stream.array, shift[None]) + noise
+        rows = [dict(zip(decoding.columns, decoding.row(frame, None), strict=True)) for frame in fields]
+        seen.append(Counter(row["status"] for row in rows))
+        assert Counter(row["b1_status"] for row in rows).keys() == {"ok", "uncalibrated"}
+        # a force at rest is no failure, and as small as noise makes it
+        assert (np.abs([[row[f"b1_force_{axis}_N"] for axis in "xyz"] for row in rows]) < 4 * deviation).all()
+    assert seen[0] == {"ok": 20}
+    assert seen[1]["uncalibrated"] > 10
+    assert frame_status(["ok", "not_finite", "jump"], np.ones((3, 3))) == "not_finite"
+    assert frame_status(["ok", "uncalibrated", "jump"], np.ones((3, 3))) == "jump"
 
 
 def test_beams_with_chips_reject_a_uniform_field_each_by_itself():

@@ -2,7 +2,8 @@
 
 Readings stand beam by beam, each beam's elements in their order, with the names b1_S1, b1_S2 and so on. The force of
 a frame is the sum over its beams, unknown where that of a beam is, and its status that of the first beam that has
-none, else of the first one that is not ok.
+none, else of the first one that is not ok. Beams at rest have forces of noise and tolerances, and are "uncalibrated"
+as a single sensor at rest: the frame is so only where no beam bears a load for sure.
 """
 
 from __future__ import annotations
@@ -225,14 +226,16 @@ class ArrayDecoder:
         found, words = self.frame(fields, time)
         beams = zip(words, found.force.tolist(), found.shift.tolist(), strict=True)
         each = [value for word, force, shift in beams for value in (word, *force, *shift)]
-        return frame_status(words), *found.force.sum(axis=0).tolist(), *each
+        return frame_status(words, found.force), *found.force.sum(axis=0).tolist(), *each
 
 
-def frame_status(words: Sequence[Status]) -> Status:
-    """Return the status of a frame from those of its beams."""
-    # those without a force first
-    ranked = sorted(words, key=lambda word: (word in decode_readings.WITH_POSE, word == "ok"))
-    return ranked[0]
+def frame_status(words: Sequence[Status], force: Array) -> Status:
+    """Return the status of a frame from those of its beams and their forces (n, 3), N."""
+    if told := [word for word in words if word not in ("ok", "uncalibrated")]:
+        # those without a force first
+        return min(told, key=lambda word: word in decode_readings.WITH_POSE)
+    loaded = any(word == "ok" and each.any() for word, each in zip(words, force, strict=True))
+    return "uncalibrated" if "uncalibrated" in words and not loaded else "ok"
 
 
 def decode_text(decoder: ArrayDecoder, text: str, source: Source) -> Result:
@@ -262,7 +265,7 @@ def decode_text(decoder: ArrayDecoder, text: str, source: Source) -> Result:
         }
         for k in range(n)
     ]
-    status = frame_status(words)
+    status = frame_status(words, found.force)
     record = {
         "status": status,
         "message": decode_readings.WHY[status],
