@@ -4,7 +4,7 @@ import globals from "globals";
 // the pages load plain scripts one after the other, each of which defines one of these names for the later ones
 const ours = [
   ...["Format", "LiveEngine", "OfflineEngine", "Controls", "SectionDrawing", "SectionView"],
-  ...["SensorView", "Measured", "Numbers", "Exports", "Requests", "Explorer", "Tip", "Figures"],
+  ...["SensorView", "ArrayView", "Measured", "Numbers", "Exports", "Requests", "Explorer", "Tip", "Figures"],
   ...["ReportSurface", "Theme"],
 ];
 const libraries = ["THREE", "vegaEmbed"];

@@ -376,7 +376,7 @@ def test_a_criterion_is_on_the_page_of_a_sizing_and_in_the_sentence_of_a_conflic
 
 def test_a_panel_is_a_section_of_the_page_whose_part_is_asked_for_and_answered(copy):
     _, found = copy
-    (section,) = re.findall(r'<section [^>]*id="slenderness-panel".*?</section>', found["html"])
+    (section,) = re.findall(r'<section [^>]*id="slenderness-panel".*?</section>', found["html"], re.S)
     assert 'class="panel span-12 compared-12"' in section
     assert 'data-part="slenderness"' in section
     assert "<h2>Slenderness</h2>" in section

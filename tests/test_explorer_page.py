@@ -33,8 +33,11 @@ SECTION, SENSOR = "figure.section canvas", "figure.sensor canvas"
 
 
 @pytest.fixture(scope="module")
-def served(chromium):
-    with server() as (process, address):
+def served(chromium, tmp_path_factory):
+    """A server of an array, whose page has all that a single sensor's has."""
+    file = tmp_path_factory.mktemp("served") / "array.toml"
+    file.write_text('base = "paper"\n[array]\nrows = 2\ncolumns = 2\npitch = 16.0\npolarity = "rows"\n')
+    with server(design=file) as (process, address):
         yield process, address
 
 
@@ -291,6 +294,36 @@ def test_plate_follows_pointer_and_keys(start):
     load = request(page)["state"]["load"]
     assert (load["depth"], load["shear"], load["friction"]) == (0.1, 0.05, "stick")
     assert "depth 0.1 mm" in page.evaluate("document.querySelector('.plate').getAttribute('aria-valuetext')")
+
+
+def test_each_beam_of_an_array_keeps_its_load_and_is_chosen_by_pointer_and_keys(start):
+    page = start("&depth=0.8")
+    page.click("[data-beam='2']")
+    wait(page, "Explorer.sides.a.beam === '2'")
+    move(page, "depth", 0.5)
+    move(page, "shear", -0.3)
+    assert request(page)["state"]["array"] | {"load": request(page)["state"]["load"]["depth"]} == {
+        "beam": "2", "beam_loads": "1:0.8,0,0", "polarity": "rows", "pitch": 16, "load": 0.5
+    }  # fmt: skip
+    page.evaluate("document.querySelector('[data-beam=\"2\"]').focus()")
+    for key, beam in (("ArrowUp", "4"), ("ArrowLeft", "3"), ("ArrowLeft", "3"), ("ArrowDown", "1")):
+        page.keyboard.press(key)
+        wait(page, f"Explorer.sides.a.beam === '{beam}' && document.activeElement.dataset.beam === '{beam}'")
+    sent = request(page)["state"]
+    assert (sent["load"]["depth"], sent["array"]["beam_loads"]) == (0.8, "2:0.5,-0.3,0")
+    rest(page)
+    wait(page, "!Explorer.requests().behind('a', 'array')")
+    forces = page.evaluate("Explorer.answers.a.array.data.picture.forces")
+    (_, _, pressed), (aside, _, _) = forces["set"][:2]
+    assert (pressed > 2, aside < 0, forces["set"][2:]) == (True, True, [[0, 0, 0]] * 2)
+    assert np.array(forces["jointly"]) == pytest.approx(np.array(forces["set"]), abs=1e-9)
+    assert f"{pressed:.4g}" in text(page, "[data-table=array_forces]")
+    spoken = page.evaluate("document.querySelector('[data-beam=\"1\"]').getAttribute('aria-label')")
+    assert spoken.startswith(f"Beam 1, magnet as designed: as set {pressed:.2f} newtons normal")
+    click(page, "undo")
+    wait(page, "Explorer.sides.a.beam === '3'")
+    ask(page, TYPE, "field-beam_loads", "2:much", "change")
+    wait(page, "document.getElementById('field-beam_loads-refusal').textContent.includes('load of beam 2 must')")
 
 
 def test_undo_redo_and_back_lead_through_the_states(start):

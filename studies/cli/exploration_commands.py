@@ -18,6 +18,7 @@ from geometry.bad_input import no_effect
 from geometry.design import BadInput, Design
 from geometry.messages import Progress
 from studies.cli.parameters import Call, Source, say_if_without_magnet, verb
+from studies.inputs import user_input
 from studies.inputs.option_groups import Calibration, Sensitivity, Solves, StoreFile, Sweep, Whole
 from studies.inputs.user_input import warn_of_values
 from studies.models import choice
@@ -27,6 +28,7 @@ from studies.output.result import FAILED, GOOD, Destination, Result, check_files
 if TYPE_CHECKING:
     from studies.calibration.sensor_fit import Fit
     from studies.parts.requirements import Requirements
+    from studies.sensing.array_readings import Grid
     from studies.web.explorer_server import Measuring
 
 MODELS = Parameter(
@@ -206,6 +208,7 @@ def explore(
     The page is served to this computer only, until Ctrl-C, and works without a network. With a file of requirements
     (see magtip size) it opens a variant that meets them, or nearly, under the largest required load, and shows what
     each requirement leaves; with a design file that states its requirements, such as winner.toml, it opens that one.
+    Of a design file with a table [array] it shows all beams from above: choose one, and set its load.
 
     Parameters
     ----------
@@ -223,10 +226,18 @@ def explore(
     if export is not None and calibration is not None:
         raise BadInput("--calibration works with the page of a server: leave --export out")
     atomic_files.check_apart([export, store], [source, calibration])
+    from studies.sensing import array_readings
     from studies.web import required_margins
 
     with console.progress(as_json=False) as progress:
         design, needed = required_margins.sensor_of(source, call.sets, progress)
+    stated = array_readings.stated_grid(source)
+    if stated is not None:
+        stated = replace(stated, pitch=None if stated.places else stated.pitch_of(design))
+        if calibration is not None:
+            raise BadInput(
+                "--calibration takes that of a single sensor: leave it out, or take a design file without [array]"
+            )
     made = None
     if calibration is not None:
         from studies.calibration import calibration_file
@@ -235,10 +246,14 @@ def explore(
         design = made.design
     warn_of_values(design)
     if export is not None:
-        _export(design, export, store)
+        if stated is not None:
+            user_input.say_if_array(source)
+        _export(design, export, store, of_array=stated is not None)
         return GOOD
     load = {} if needed is None else required_margins.opening_load(design, needed)
-    serve_page(design, port=port, needed=needed, made=made, load=load, no_browser=no_browser, store=store)
+    serve_page(
+        design, port=port, needed=needed, made=made, load=load, no_browser=no_browser, store=store, stated=stated
+    )
     return GOOD
 
 
@@ -252,6 +267,7 @@ def serve_page(
     load: Mapping[str, float] = MappingProxyType({}),
     no_browser: bool = False,
     store: Path | None = None,
+    stated: Grid | None = None,
 ) -> None:
     """Serve the page of a design, and open it in the user's browser, until Ctrl-C."""
     from studies.web import explorer_server, state_exports
@@ -265,16 +281,16 @@ def serve_page(
             if not no_browser:
                 _open(address, Path(folder, "explorer.html"))
 
-        explorer_server.serve(changed, port, needed, made, ready, measuring, store)
+        explorer_server.serve(changed, port, needed, made, ready, measuring, store, stated)
 
 
-def _export(design: Design, path: Path, store: Path | None) -> None:
+def _export(design: Design, path: Path, store: Path | None, *, of_array: bool) -> None:
     from studies.mechanics import store as stores
     from studies.web import offline_page
 
     file = atomic_files.check_output_file(path, ".html", ".htm")
     with console.progress(as_json=False) as progress, stores.opened(store) as states:
-        offline_page.write(design, file, states, progress)
+        offline_page.write(design, file, states, progress, of_array=of_array)
     console.note(f"{file}: open it in a browser; it needs no server and no network")
 
 

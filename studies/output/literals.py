@@ -17,7 +17,7 @@ _MARKS = re.compile(r"""\\(?=[!-/:-@[-`{-~]|$) | [`*\[\]|] | <(?=[A-Za-z/!?]) | 
 """What Markdown would read as a mark: also an underscore that is not between two letters or digits."""
 
 
-def literal(value: Scalar) -> str:
+def literal(value: Scalar | list[str]) -> str:
     r"""Return a value as TOML and Python both read it; numbers must be finite.
 
     >>> literal("x\"); import os\n"), literal(10.0)
@@ -27,7 +27,7 @@ def literal(value: Scalar) -> str:
     return json.dumps(value, ensure_ascii=False, allow_nan=False).replace("\x7f", "\\u007f")
 
 
-def toml(fields: Mapping[str, Scalar]) -> list[str]:
+def toml(fields: Mapping[str, Scalar | list[str]]) -> list[str]:
     """Return the lines of TOML of these keys and values.
 
     >>> toml({"D": 10.0, "law": "yeoh"})

@@ -28,6 +28,7 @@ from geometry.design import BadInput, Design
 from studies.inputs.units import quantity
 from studies.inputs.user_input import parse_numbers, table_beside
 from studies.output import atomic_files
+from studies.output.literals import toml
 from studies.output.records import FlatRow
 from studies.output.result import Result, Table, failure_of
 from studies.sensing import decode_readings
@@ -128,6 +129,24 @@ def stated_array(source: str, design: Design) -> ArrayDesign | None:
     """Return the array that a design file states, None if it states a single sensor."""
     grid = stated_grid(source)
     return None if grid is None else grid.design(design)
+
+
+def array_text(grid: Grid) -> str:
+    """Return the table [array] of a design file.
+
+    >>> print(array_text(Grid(2, 3, 12.0, "rows")), end="")
+    [array]
+    rows = 2
+    columns = 3
+    pitch = 12.0
+    polarity = "rows"
+    """
+    values: dict[str, Any] = {"rows": grid.rows, "columns": grid.columns, "pitch": grid.pitch}
+    if grid.places:
+        values = {"places": [f"{x:g},{y:g}" for x, y in grid.places]}
+    values["polarity"] = grid.polarity if isinstance(grid.polarity, str) else list(grid.polarity)
+    stated = {key: value for key, value in values.items() if value is not None}
+    return "\n".join(["[array]", *toml(stated)]) + "\n"
 
 
 def grid_of(source: str, options: Arraying) -> Grid:

@@ -28,7 +28,6 @@ import tornado.web
 import tornado.websocket
 
 from geometry.design import BadInput, paper
-from studies.inputs import user_input
 from studies.mechanics import store as stores
 from studies.output.bounded_files import json_in
 from studies.web import explorer_workers, state_exports
@@ -39,6 +38,7 @@ from studies.web.page_content import PAGE, explorer_page, page_charts
 if TYPE_CHECKING:
     from studies.calibration.sensor_fit import Fit
     from studies.parts.requirements import Requirements
+    from studies.sensing.array_readings import Grid
 
 INDEX, CONTROLS = "index.html", "fields.json"
 POLICY = (
@@ -74,6 +74,7 @@ class Server:
     made : calibrated sensor whose forces and readings they show.
     zero : called when a page asks for a zero of the stream that it shows.
     store : file of solved states; default: the user's.
+    stated : array whose beams the pages show; its pitch is stated.
     """
 
     def __init__(
@@ -84,6 +85,7 @@ class Server:
         made: Fit | None = None,
         zero: Callable[[], None] | None = None,
         store: Path | None = None,
+        stated: Grid | None = None,
     ) -> None:
         if not 0 <= port <= 65535:
             raise BadInput(f"--port must lie between 0 (any free one) and 65535; got {port}")
@@ -94,7 +96,7 @@ class Server:
             raise BadInput(
                 f"port {port} cannot be used ({cause}): choose another --port, or 0 for a free one"
             ) from None
-        self.needed, self.made, self.zero = needed, made, zero
+        self.needed, self.made, self.zero, self.stated = needed, made, zero, stated
         self.workers = explorer_workers.Workers(asyncio.get_running_loop(), store)
         self.pages: set[Live] = set()
         # held by the one export of a mould that runs
@@ -110,7 +112,7 @@ class Server:
 
     def request_of(self, content: object) -> Request:
         """Return the request in a message of a page, with what the explorer was started with."""
-        return replace(request_of(content), needed=self.needed, made=self.made)
+        return replace(request_of(content), needed=self.needed, made=self.made, stated=self.stated)
 
     def is_own(self, origin: str) -> bool:
         """Return whether the Origin header of a request names this server."""
@@ -186,9 +188,10 @@ class Files(Guarded):
     def get(self, name: str = INDEX) -> None:
         if name == INDEX:
             self.server.give_cookie(self)
-            content = explorer_page()
+            content = explorer_page(of_array=self.server.stated is not None)
         elif name == CONTROLS:
-            content = json.dumps({"fields": explorer_fields(paper(), self.server.needed), "charts": page_charts()})
+            fields = explorer_fields(paper(), self.server.needed, self.server.stated)
+            content = json.dumps({"fields": fields, "charts": page_charts()})
         elif name in FILES:
             content = FILES[name].read_text("utf-8")
         else:
@@ -307,7 +310,7 @@ class Export(Guarded):
 
     async def _content(self, name: str, request: Request) -> bytes:
         if name == "design.toml":
-            return user_input.design_text(request.state.design).encode()
+            return state_exports.design_file(request).encode()
         if name != "mold.zip":
             return await self.server.workers.export(name, request)
         async with self.server.molding:
@@ -342,6 +345,7 @@ def serve(
     ready: Callable[[str], None],
     measuring: Measuring | None = None,
     store: Path | None = None,
+    stated: Grid | None = None,
 ) -> None:
     """Serve the page until Ctrl-C; `ready` takes its address when the server listens, for the rest see `Server`."""
     # a store that cannot be used is refused, or said to keep nothing, before the processes open it
@@ -349,7 +353,7 @@ def serve(
         pass
 
     async def served() -> None:
-        running = Server(changed, port, needed, made, measuring.zero if measuring else None, store)
+        running = Server(changed, port, needed, made, measuring.zero if measuring else None, store, stated)
         thread: threading.Thread | None = None
         stop, loop = asyncio.Event(), asyncio.get_running_loop()
         for number in (signal.SIGINT, signal.SIGTERM):

@@ -6,7 +6,8 @@ A request is the JSON object that the page sends:
 
     {"number": 7, "side": "a", "parts": ["state", "curve"],
      "state": {"design": {"D": 10}, "load": {"depth": 1, "shear": 0.5, "direction": 90, "friction": "stick",
-               "plate_tilt": 0}, "magnet": "rigid", "level": "standard"}}
+               "plate_tilt": 0}, "magnet": "rigid", "level": "standard",
+               "array": {"beam": "2", "beam_loads": "1:0.5,0,0", "pitch": 16, "polarity": "rows"}}}
 
 Fields that are missing have the values of the preset paper, a load of zero, and the friction that `magtip solve`
 chooses. Values that cannot be used raise `BadInput` with the sentence that the command line prints.
@@ -22,6 +23,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, cast, get_args
 
+from geometry.array_design import POLARITIES
 from geometry.design import LAWS, OF_ONE_LAYOUT, PRESETS, BadInput, Design, preset
 from geometry.loads import Load, Magnet
 from studies.inputs import user_input
@@ -32,6 +34,7 @@ from studies.web.panels import ANSWERED_PANELS
 if TYPE_CHECKING:
     from studies.calibration.sensor_fit import Fit
     from studies.parts.requirements import Requirements
+    from studies.sensing.array_readings import Grid
 
 Side = Literal["a", "b"]
 Level = Literal["quick", "standard"]
@@ -53,8 +56,33 @@ UNPLACED = "Further fields"
 CONTROLS = Path(__file__).with_name("controls.csv")
 """The controls of the page, in their order."""
 
+OF_ARRAY = ("beam", "beam_loads", "pitch", "polarity")
+"""What the page says of an array: the beam whose load is that of the state, and the loads of the others."""
+
 Field = dict[str, Any]
 """A control as the page takes it: group, name, label, unit, low, high, slider, step, kind, choices, help, value."""
+
+
+@dataclass(frozen=True, slots=True)
+class BeamLoads:
+    """The loads of an array's beams, and where these stand.
+
+    Attributes
+    ----------
+    beam : number of the one whose load is that of the state.
+    loads : depth, shear along x and along y, mm, of others that are not at rest, by their numbers.
+    pitch, polarity : in place of those of the design file; None, "": the same.
+    """
+
+    beam: int = 1
+    loads: Mapping[int, tuple[float, float, float]] = dataclasses.field(default_factory=dict)
+    pitch: float | None = None
+    polarity: str | tuple[str, ...] = ""
+
+    def grid(self, stated: Grid) -> Grid:
+        """Return the array of a design file as the page has changed it."""
+        pitch = stated.pitch if self.pitch is None else self.pitch
+        return dataclasses.replace(stated, pitch=pitch, polarity=self.polarity or stated.polarity)
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,6 +103,7 @@ class ExplorerState:
     friction: float | Literal["none", "stick"] | None = None
     frequency: float = 0.0
     speed: float = 0.0
+    array: BeamLoads = BeamLoads()
 
     @property
     def vibrating_load(self) -> Load:
@@ -88,7 +117,8 @@ class ExplorerState:
 class Request:
     """One request of the page: its number, the side of the comparison, the state, and the parts to compute.
 
-    `needed` and `made` are the requirements and the calibrated sensor with which the explorer was started.
+    `needed`, `made` and `stated` are the requirements, the calibrated sensor and the array with which the explorer
+    was started.
     """
 
     number: int
@@ -97,6 +127,7 @@ class Request:
     parts: tuple[str, ...]
     needed: Requirements | None = None
     made: Fit | None = None
+    stated: Grid | None = None
 
     @property
     def sensor(self) -> Fit | None:
@@ -146,8 +177,8 @@ def state_of(content: Mapping[str, Any]) -> ExplorerState:
     numbers = {name: value for name, value in values.items() if not isinstance(value, str)}
     design = user_input.design_from("paper", {**numbers, **user_input.overrides(texts)}, magnet)
     values = _table("load", content.get("load") or {})
-    load, rates = page_load(values), [_number(name, values.get(name)) for name in RATES]
-    for (name, unit), rate in zip(RATES.items(), rates, strict=True):
+    load, rates = page_load(values), {name: _number(name, values.get(name)) for name in RATES}
+    for (name, unit), rate in zip(RATES.items(), rates.values(), strict=True):
         if not 0 <= rate < math.inf:
             raise BadInput(f"{name} must be 0 {unit} or more; got {rate:g} {unit}")
     friction = None if values.get("friction") in (None, "") else load.friction
@@ -155,7 +186,36 @@ def state_of(content: Mapping[str, Any]) -> ExplorerState:
         # nothing slides before a shear: such a press is that of a plate without friction, and is kept as that
         load = dataclasses.replace(load, friction="none")
     Scene(design, (load,), magnet=magnet)
-    return ExplorerState(design, load, magnet, level, friction, *rates)
+    array = array_of(_table("array", content.get("array") or {}))
+    return ExplorerState(design, load, magnet, level, friction, array=array, **rates)
+
+
+def array_of(values: Mapping[str, Any]) -> BeamLoads:
+    """Return the loads of the beams of a request.
+
+    >>> array_of({"beam": "2", "beam_loads": "1:0.5 3:1,0.2,90"}).loads
+    {1: (0.5, 0.0, 0.0), 3: (1.0, 0.0, 0.2)}
+    """
+    user_input.check_keys("array", values, OF_ARRAY)
+    loads = dict[int, tuple[float, float, float]]()
+    for text in str(values.get("beam_loads") or "").split():
+        number, colon, numbers = text.partition(":")
+        parts = [_number(f"the load of beam {number}", part) for part in numbers.split(",")]
+        if not (colon and number.isdecimal() and 1 <= len(parts) <= 3 and all(map(math.isfinite, parts))):
+            raise BadInput(
+                "other loads are BEAM:DEPTH,SHEAR,DIRECTION in mm and degrees, apart by spaces, such as "
+                f"2:1 3:0.5,0.2,90; got {text!r:.60}"
+            )
+        if not parts[0] >= 0:
+            raise BadInput(f"the depth of beam {number} must be 0 mm or more; got {parts[0]:g} mm")
+        loads[int(number)] = parts[0], *components(*[*parts[1:], 0.0, 0.0][:2])
+    pitch, words = values.get("pitch"), str(values.get("polarity") or "")
+    return BeamLoads(
+        beam=int(_number("beam", values.get("beam", 1))),
+        loads=loads,
+        pitch=None if pitch in (None, "") else _number("pitch", pitch),
+        polarity=words if words in ("", *POLARITIES) else tuple(words.split(",")),
+    )
 
 
 def page_load(values: Mapping[str, Any]) -> Load:
@@ -203,7 +263,7 @@ def wrong_field(message: Mapping[str, Any]) -> str | None:
     content = message.get("state")
     if not isinstance(content, Mapping):
         return None
-    for group in ("load", "design"):
+    for group in ("load", "design", "array"):
         values = content.get(group)
         for name in values if isinstance(values, Mapping) else ():
             rest = {key: value for key, value in (values or {}).items() if key != name}
@@ -241,8 +301,8 @@ def _number(name: str, value: object) -> float:
     return number
 
 
-def explorer_fields(design: Design, needed: Requirements | None = None) -> list[Field]:
-    """Return the controls of load and design, in the order of the page; `value` is that of the design.
+def explorer_fields(design: Design, needed: Requirements | None = None, stated: Grid | None = None) -> list[Field]:
+    """Return the controls of array, load and design, in the order of the page; `value` is that of the design.
 
     Places, labels, sliders and steps are in `controls.csv`, with units, ranges and help of what is no field of a
     design or load; those of their fields come from `Design` and `Load`. A field without a row stands under its name
@@ -296,7 +356,43 @@ def explorer_fields(design: Design, needed: Requirements | None = None) -> list[
         for name, spec in specs.items()
         if name not in placed
     ]
-    return [*fields, *of_load, *of_design]
+    return [*array_fields(stated), *fields, *of_load, *of_design]
+
+
+def array_fields(stated: Grid | None) -> list[Field]:
+    """Return the controls of an array whose pitch is stated; none without one."""
+    if stated is None:
+        return []
+
+    def one(name: str, label: str, kind: str, value: Any, words: str, **more: Any) -> Field:
+        common = {"group": "Array", "scope": "array", "unit": "", "needs": {}}
+        return common | {"name": name, "label": label, "kind": kind, "value": value, "help": words} | more
+
+    numbers = [str(k) for k in range(1, len(stated) + 1)]
+    texts = {each: each if isinstance(each, str) else ",".join(each) for each in stated.polarities}
+    fields = [
+        one("beam", "Beam", "choice", "1", "whose load stands below; each keeps its own", choices=numbers),
+        one(
+            "beam_loads",
+            "Other loads",
+            "text",
+            "",
+            "BEAM:DEPTH,SHEAR,DIRECTION in mm and degrees, such as 2:1 3:1,0.2,90",
+        ),
+        one(
+            "polarity",
+            "Polarity",
+            "choice",
+            texts[stated.polarity],
+            "which magnets lie the other way up",
+            choices=[*texts.values()],
+        ),
+    ]
+    if stated.pitch is not None:
+        ends = {"low": 0.0, "high": None, "slider": [round(stated.pitch / 2, 1), round(3 * stated.pitch, 1)]}
+        words = "distance of the beams in a row, and of the rows"
+        fields.insert(2, one("pitch", "Pitch", "number", stated.pitch, words, step=0.1) | ends | {"unit": "mm"})
+    return fields
 
 
 def _unplaced(group: str, name: str, spec: dataclasses.Field[Any]) -> Field:

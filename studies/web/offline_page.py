@@ -79,8 +79,13 @@ def stops_of(design: Design, magnet: Magnet) -> Stops:
     return Stops(even(min(DEEPEST * design.D, room), DEPTHS), even(FARTHEST * design.D, SHEARS), turns)
 
 
-def write(design: Design, path: Path, store: Store, progress: Progress = lambda *_: None) -> Path:
+def write(
+    design: Design, path: Path, store: Store, progress: Progress = lambda *_: None, *, of_array: bool = False
+) -> Path:
     """Solve for the states of a design, some of which must be presses, and write its page; return its path.
+
+    of_array : whether the page says that the design is that of the beams of an array, of which it shows one.
+
 
     Numbers with error estimates come from the store, and are kept there. Pictures show the deformed bodies, which it
     does not hold: those of kept states are solved for, without estimates.
@@ -88,7 +93,7 @@ def write(design: Design, path: Path, store: Store, progress: Progress = lambda 
     magnet = magnet_of(design)
     stops = stops_of(design, magnet)
     states = answers(design, magnet, stops, LEVELS[LEVEL], store, progress)
-    atomic_files.write_text(path, page(design, stops, states, store))
+    atomic_files.write_text(path, page(design, stops, states, store, of_array=of_array))
     return path
 
 
@@ -174,7 +179,7 @@ def in_direction(solution: Solution, direction: float) -> Solution:
     return replace(solution, load=replace(solution.load, shear_x=x, shear_y=y), response=turned)
 
 
-def page(design: Design, stops: Stops, states: list[list[Data]], store: Store) -> str:
+def page(design: Design, stops: Stops, states: list[list[Data]], store: Store, *, of_array: bool = False) -> str:
     """Return the page of a design whose states are solved."""
     magnet = magnet_of(design)
     curve = state_answers.curve(design, magnet, LEVEL, store)
@@ -192,7 +197,7 @@ def page(design: Design, stops: Stops, states: list[list[Data]], store: Store) -
     }
     known = sum("error" not in one for row in states for one in row[1:])
     sensor = state_exports.sensor_name(design)
-    counts = {"presses": len(states) - 1, "sheared": known}
+    counts = {"presses": len(states) - 1, "sheared": known, "of_array": of_array}
     about = rendered(PAGE / "fixed_design.html.j2", sensor=sensor, level=LEVEL, stops=stops, **counts)
     text = explorer_page(offline=True)
     text = text.replace("<head>", f'<head>\n<meta http-equiv="Content-Security-Policy" content="{POLICY}">', 1)

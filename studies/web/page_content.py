@@ -60,9 +60,9 @@ def _finite(value: Any) -> Any:
     return [_finite(one) for one in value] if isinstance(value, (list, tuple)) else value
 
 
-def explorer_page(*, offline: bool = False) -> str:
+def explorer_page(*, offline: bool = False, of_array: bool = False) -> str:
     """Return the HTML of the live page, or of the one without a server, with its panels."""
-    panels = [panel for panel in PANELS if panel.offline or not offline]
+    panels = [panel for panel in PANELS if (panel.offline or not offline) and (of_array or not panel.of_array)]
     return page_templates.rendered(PAGE / "index.html.j2", panels=panels)
 
 

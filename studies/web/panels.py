@@ -3,7 +3,8 @@ for and the order of their answers follow.
 
 The function of a panel takes a request, the level of its answers and what the process keeps, and yields levels with
 data as a table takes them: `columns` (names of the values and of what stands beside them), `rows` (made by
-`state_answers.number`) and a `message`. It may yield a coarse answer before the one at the level of the state.
+`state_answers.number`) and a `message`; one of several tables has these by their names in `tables`. It may yield a
+coarse answer before the one at the level of the state.
 """
 
 from __future__ import annotations
@@ -44,7 +45,7 @@ class Memory:
 
 @dataclass(frozen=True, slots=True)
 class Panel:
-    """A panel with one table of numbers.
+    """A panel with tables of numbers, and perhaps a picture.
 
     Attributes
     ----------
@@ -54,6 +55,9 @@ class Panel:
         where the design is new, else at that of the state (design); at all levels (load).
     width, compared : columns of the grid, of 12; of the page with two designs.
     offline : whether the page without a server has it, of the design alone.
+    tables : names of its tables among those of its data; default: its own, which its data are.
+    picture : script of the page that draws a picture of each side from its data.
+    of_array : whether only the page of an array has it.
     """
 
     name: str
@@ -64,6 +68,9 @@ class Panel:
     compared: Literal[6, 12] = 12
     offline: bool = False
     of: str = ""
+    tables: tuple[str, ...] = ()
+    picture: str = ""
+    of_array: bool = False
 
     @property
     def part(self) -> str:
@@ -80,12 +87,22 @@ class Panel:
 
 
 PANELS = (
+    Panel(
+        "array",
+        "Array from above",
+        "array_answers.array_panel",
+        "first",
+        width=12,
+        tables=("array_forces", "array_readings", "array_errors"),
+        picture="array",
+        of_array=True,
+    ),
     Panel("decoded", "Decoded load", of="state", compared=6, offline=True),
     Panel("stability", "Stability and modes", "state_answers.stability_panel", "design", offline=True),
     Panel("margins", "Requirements", "required_margins.margins_panel", "first", width=12),
     Panel("vibration", "Vibration", "time_answers.vibration_panel", "rest"),
     Panel("loop", "Loading cycle", "time_answers.loop_panel", "load"),
 )
-"""All panels of numbers that have nothing else, in the order of the page."""
+"""All panels that have tables of numbers and no figure, in the order of the page."""
 ANSWERED_PANELS = tuple(panel for panel in PANELS if panel.function)
 """Those with a part of their own."""

@@ -20,11 +20,12 @@ from geometry.compiled import cores
 from geometry.design import BadInput, Design
 from geometry.loads import Load
 from studies.inputs.study_input import values_of
-from studies.inputs.user_input import FIELDS, changed_fields
+from studies.inputs.user_input import FIELDS, changed_fields, design_text
 from studies.mechanics.executor import WorkerDied, WorkerProcess
 from studies.output.literals import literal
 from studies.output.page_templates import rendered
-from studies.web.explorer_state import OPENING_DEPTH, ExplorerState, plain
+from studies.sensing.array_readings import array_text
+from studies.web.explorer_state import OPENING_DEPTH, ExplorerState, Request, plain
 
 if TYPE_CHECKING:
     from fem.solution import Solution
@@ -46,6 +47,12 @@ PATIENCE = 300.0
 def commands(state: ExplorerState) -> dict[str, str]:
     """Return the part `commands`: texts for a shell and for Python, and the name of the sensor."""
     return {"shell": shell(state), "python": python(state), "sensor": sensor_name(state.design)}
+
+
+def design_file(request: Request) -> str:
+    """Return the design file of a state, with the array of which it is a beam."""
+    text, stated = design_text(request.state.design), request.stated
+    return text if stated is None else f"{text}\n{array_text(request.state.array.grid(stated))}"
 
 
 def sensor_name(design: Design) -> str:

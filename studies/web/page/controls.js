@@ -4,7 +4,7 @@
 
 const Controls = (() => {
   const STEPS = 1000;
-  const OPEN = ["Load", "Beam", "Magnet"];
+  const OPEN = ["Array", "Load", "Beam", "Magnet"];
 
   // The control of one field: show(value, all) writes into it, refuse(text) puts a sentence below it.
   function row(field, parent, change) {

@@ -76,7 +76,15 @@ const Explorer = (() => {
     const design = pick((field) => field.scope === "design" && values[field.name] !== field.value);
     const load = pick((field) => field.scope === "load");
     const state = { design, load, magnet: values.magnet, level: view.level };
+    if (values.beam) state.array = pick((field) => field.scope === "array");
     return { state, parts: parts() };
+  }
+
+  // Another beam of an array: its load takes the place of the present one, which is kept with those of the others.
+  function choose(side, beam) {
+    commit();
+    for (const [name, one] of Object.entries(ArrayView.swapped(sides[side], beam))) set(side, name, one, false);
+    commit();
   }
 
   // ---- address and history
@@ -213,6 +221,7 @@ const Explorer = (() => {
     if (all.has("controls")) drawControls();
     if (all.has("state")) drawState();
     else if (all.has("wish")) drawWish();
+    for (const name of Object.keys(views.pictures)) if (all.has(name) || all.has("controls")) drawPicture(name);
     if (all.has("sensor3d")) drawSensor(true);
     else if (all.has("turn")) drawSensor(false);
     if (all.has("state") || Requests.PARTS.some((part) => all.has(part))) {
@@ -297,12 +306,19 @@ const Explorer = (() => {
       : answer.level === "quick" && view.level === "standard"
         ? `; refining to standard${part}`
         : "";
-    const state = status === "ok" ? "" : `Status ${status.replaceAll("_", " ")}. `;
+    const beam = sides[side].beam ? `Beam ${sides[side].beam}. ` : "";
+    const state = beam + (status === "ok" ? "" : `Status ${status.replaceAll("_", " ")}. `);
     return {
       chip: answer.level,
       time: engine.time ?? `${Format.number(seconds, 2)} s${next}`,
       text: `${state}${text || ""}`,
     };
+  }
+
+  // A picture of a panel, with what both sides have in common.
+  function drawPicture(name) {
+    const data = shownSides().map((side) => answers[side][name]?.data.picture);
+    shownSides().forEach((side, k) => views.pictures[name][side](data[k], data.filter(Boolean), sides[side]));
   }
 
   function drawSensor(changed) {
@@ -440,6 +456,7 @@ const Explorer = (() => {
     turn,
     shownSides,
     set,
+    choose,
     message,
     commit,
     commitSoon,

@@ -47,10 +47,19 @@
     Object.fromEntries(
       [...document.querySelectorAll(`[data-${kind}]`)].map((box) => [box.dataset[kind], { box, ...make(box) }]),
     );
+  views.pictures = Object.fromEntries(
+    Object.entries({ array: ArrayView })
+      .filter(([name]) => $(`figure.${name}`))
+      .map(([name, view]) => [name, Object.fromEntries(["a", "b"].map((side) => [side, view.start(side)]))]),
+  );
   views.charts = charts;
   views.tables = named("table", (box) => ({ show: Numbers.table(box) }));
   views.figures = named("chart", (box) => Figures.changing(box, charts.theme));
   const controls = Controls.build(fields, $("#groups"), (field, value, done) => {
+    if (field.name === "beam") {
+      Explorer.choose(view.edit, value);
+      return;
+    }
     const values = field.sets ? (field.sets[value] ?? {}) : { [field.name]: value };
     for (const [name, one] of Object.entries(values)) Explorer.set(view.edit, name, one, done);
   });
