@@ -414,6 +414,15 @@ def array_base(whole: ArrayPlan) -> Solid:
     return cut(plate, *tools)
 
 
+def least_pitch(x: Array, y: Array, foot: Array | float, *, is_round: bool) -> Array:
+    """Return the pitch of arrays from which on pockets and recesses of any two beams keep `WEB` apart, (n,), mm.
+
+    x, y : ends of the pockets of one beam along x and y, shape (2, m, n). foot : as in `least_outline`.
+    """
+    pockets = np.maximum(*((ends[1].max(axis=0) - ends[0].min(axis=0)) for ends in (x, y)))
+    return np.asarray(WEB + np.maximum(pockets, 2 * foot if is_round else 0.0))
+
+
 def _gaps(array: ArrayDesign, p: Plan) -> list[float]:
     """Return what is left between recesses, and between pockets, of any two beams, mm."""
     found = [array.pitch - 2 * p.recess_radius if p.recess else math.inf]

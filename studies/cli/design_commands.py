@@ -283,7 +283,9 @@ def size(
                     "the best variant is not the design that was calibrated: its yield takes twelve planned presses"
                 )
                 result = replace(result, warnings=[*result.warnings, said])
-            sizing_export.write_design(sizing.winner.variant, needed, folder, made(here.command, origin))
+            winner, said = sizing.winner, made(here.command, origin)
+            polarity = winner.array.get("polarity", "")
+            sizing_export.write_design(winner.variant, needed, folder, said, polarity=polarity)
             if options.export:
                 parts = sizing_export.export(sizing.winner.variant, needed, folder, progress)
                 lost = [parts["message"]] if parts["status"] != "ok" else []

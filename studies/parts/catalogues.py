@@ -142,6 +142,8 @@ class HallPartEntry:
 
     def refusal(self, needed: Requirements) -> str:
         """Return why no sensor with these requirements can be sized with this part, "" if one can."""
+        if not self.unusable and self.layout == "three" and needed.pitch is not None:
+            return "the base of an array is made for chips: leads of one-axis parts run to the edge of their own base"
         if self.unusable or needed.bandwidth is None or self.average(needed) >= 1:
             return self.unusable
         rate = self.sampling(needed)

@@ -126,6 +126,10 @@ def _of_ambient(of: Figures, needed: Requirements) -> Array:
     return np.asarray(of["ambient"] * change) if change else np.where(np.isnan(of["ambient"]), np.nan, 0.0)
 
 
+def _of_neighbours(of: Figures, needed: Requirements) -> Array:
+    return np.asarray((of[f"neighbours_{needed.decoder}"] + of["magnets"]) / needed.force_z)
+
+
 def _key(default: Any, text: str, example: str = "", *, unit: str = "1", **more: Any) -> Any:
     """Return a field: its words, a value for the example, and maybe the unit `shown` and a `criterion`."""
     return field(default=default, metadata={"text": text, "example": example, "unit": unit, **more})
@@ -214,6 +218,17 @@ class Requirements:
     height: float | None = _number(
         "mm", 0.1, 5000, "from the underside of the base to the tip", '"30 mm"',
         criterion=at_most("height", "height", varies=False))
+    pitch: float | None = _number(
+        "mm", 0.5, 500, "of the beams of an array, on one base with 3-axis chips; default: one beam", '"12 mm"',
+        criterion=at_most("room that a beam needs in the array", "room", varies=False))
+    cross_talk: float | None = _number(
+        "1", 1e-6, 0.9, "largest error of the force by the loads of the neighbours, over force_z", '"5 %"',
+        shown="percent", criterion=at_most("cross-talk, of the required press", _of_neighbours, varies=False))
+    decoder: Literal["ignoring", "subtracting", "jointly"] = _key(
+        "subtracting", "of the array, for cross_talk: neighbours are ignored, subtracted once (as firmware does), or "
+        "decoded jointly (as magtip stream does)", '"subtracting"')
+    polarity: Literal["any", "up", "checkerboard", "rows"] = _key(
+        "any", "which way up the magnets of an array lie; any: the one with the least cross-talk", '"any"')
     least_yield: float | None = _number(
         "1", 0.01, 0.99, "least share of made sensors that meet all the others", '"90 %"', shown="percent")
     D_low: float | None = _number("mm", 0.1, 200, "least diameter")
@@ -291,6 +306,8 @@ class Requirements:
                 )
         if self.hysteresis is not None and self.speed is None:
             raise BadInput('hysteresis needs the speed of the plate: add it, such as speed = "1 mm/s"')
+        if self.cross_talk is not None and self.pitch is None:
+            raise BadInput('cross_talk is that of an array, and needs its pitch: add it, such as pitch = "12 mm"')
         least, named = self.least_press, self.press_with_shear
         if named is not None and self.force_x is None:
             raise BadInput("press_with_shear needs force_x, the force along the plate: add it, or leave it out")
@@ -435,6 +452,8 @@ def design_table(needed: Requirements | None) -> str:
         return ""
     rows = [row for row in needed.rows() if row["state"] == "set"]
     lines = [f"{row['requirement']} = {literal(row['value'])}  # {row['unit']}" for row in rows]
+    if needed.cross_talk is not None:
+        lines += [f"{name} = {literal(getattr(needed, name))}" for name in ("decoder", "polarity")]
     return "\n".join(["", "[requirements]", *lines, ""])
 
 
@@ -489,6 +508,8 @@ KINDS: dict[str, Any] = {
     **dict.fromkeys(("samples", "chips"), int),
     "outer_shape": Literal["round", "square"],
     "process": Literal["fdm", "sla"],
+    "decoder": Literal["ignoring", "subtracting", "jointly"],
+    "polarity": Literal["any", "up", "checkerboard", "rows"],
     **dict.fromkeys(("catalogues", "shipped", *CATALOGUES), list[str]),
     "seed": int,
     "weights": dict[str, Any],

@@ -115,7 +115,7 @@ def run(
         "frames": frames,
         **{key: value for key, value in own.items() if key not in ("polarity", "pitch_mm", "status")},
         **_noise(coder, asked, force, shift),
-        "magnets_change_N": _change_of_forces(asked, shift),
+        "magnets_change_N": change_of_forces(asked, shift),
         "dipole_force_over_exact": beam_arrays.dipole_share(design, pitch),
         "stiffness_N_per_mm": float(beam_arrays.stiffness(design)[0]),
         "critical_pitch_mm": critical,
@@ -245,7 +245,7 @@ def over_pitch(
             console.say(f"magtip: {grid.words} at {len(cases)} pitches and polarities: about {_minutes(left)}")
         told = f", about {_minutes(left)} left" if k and len(grid) >= MANY else ""
         progress(k / len(cases), f"{_name(polarity)}, pitch {each:g} mm{told}")
-        rows.append(_row(coder, grid.array(coder, each, polarity), _name(polarity), drawn, full))
+        rows.append(errors_of_array(coder, grid.array(coder, each, polarity), _name(polarity), drawn, full))
     return rows
 
 
@@ -253,7 +253,14 @@ def _minutes(seconds: float) -> str:
     return f"{seconds / 60:.2g} min" if seconds >= 60 else f"{seconds:.0f} s"
 
 
-def _row(coder: Decoder, array: BeamArray, polarity: str, drawn: tuple[Array, Array], full: float) -> FlatRow:
+def errors_of_array(
+    coder: Decoder, array: BeamArray, polarity: str, drawn: tuple[Array, Array], full: float
+) -> FlatRow:
+    """Return the errors of all decoders, what the neighbours add to the readings, and forces of the magnets at rest.
+
+    drawn : forces, N, and shifts of the magnets, mm, of all beams in some frames, (f, n, 3).
+    full : of which percentages are, N.
+    """
     force, shift = drawn
     magnets, stray = beam_arrays.rest(array), readings_of_array(array, 0 * shift[:1], own=False)
     found: FlatRow = {"polarity": polarity, "pitch_mm": array.pitch}
@@ -324,7 +331,8 @@ def _sparse(coder: Decoder, array: BeamArray, force: Array, shift: Array, full: 
     return rows
 
 
-def _change_of_forces(array: BeamArray, shift: Array) -> float:
+def change_of_forces(array: BeamArray, shift: Array) -> float:
+    """Return the largest change of a magnet's force by shifts (f, n, 3), mm, of all, N."""
     rest, _ = beam_arrays.magnet_forces(array, np.zeros(shift.shape[1:]))
     changes = [beam_arrays.magnet_forces(array, frame)[0] - rest for frame in shift]
     return float(np.linalg.norm(changes, axis=-1).max())

@@ -95,6 +95,10 @@ def choices(needed: Requirements) -> list[Trial]:
         fields["screws"] = {"screws": False}
     if needed.chips < 3:
         fields["chips"] = {"chips": 3}
+    if needed.cross_talk is not None and needed.decoder != "jointly":
+        fields["decoder"] = {"decoder": "jointly"}
+    if needed.polarity != "any":
+        fields["polarity"] = {"polarity": "any"}
     fields |= {name: {name: ()} for name in CATALOGUES if getattr(needed, name)}
     if needed.D_low is not None or needed.D_high is not None:
         fields["D"] = {"D_low": None, "D_high": None}

@@ -53,6 +53,7 @@ from studies.beam.beam_model import RatedBeams
 from studies.parts.catalogues import PRESS_GAP, SPRING_GAP
 from studies.parts.requirements import MOST, SINGULAR, Requirements
 from studies.sensing.disturbances import SILICONE_EXPANSION
+from studies.sizing.beam_neighbours import Poses, estimated
 from studies.sizing.sensor_arrays import Sensors
 
 HALF_TURN, WHOLE_TURN = np.radians(45.0 * np.arange(1, -4, -1)), np.radians(45.0 * np.arange(8))
@@ -158,7 +159,7 @@ def performance(
     values = {name: np.full(n, np.nan) for name in FIGURES} | {"D": sensors.D, "L": sensors.L}
     values |= {"reach": top / (share[:, 0] * needed.force_z), "stable_to": stable, "outer_size": sensors.size}
     values |= {"critical": _critical(beams, caution), "height": sensors.height, "wall": sensors.wall}
-    values["bandwidth"] = sensors.bandwidth
+    values |= {"bandwidth": sensors.bandwidth, "room": sensors.room}
     if needed.first_mode is not None or dense:
         unit = np.sqrt(sensors.E_low / sensors.density) / sensors.D
         mode = beams.first_mode(sensors.magnet_density / sensors.density)
@@ -189,7 +190,8 @@ def _critical(beams: RatedBeams, caution: float) -> Array:
 FIGURES = (
     *("range_z", "range_x", "depth", "depth_stiff", "resolution_z", "resolution_x", "strain", "critical"),
     *("stable_to", "first_mode", "saturation", "decoding", "drift", "hysteresis", "distinct", "clearance"),
-    *("outer_size", "height", "wall", "reach", "reach_x", "bandwidth", "ambient", "warming"),
+    *("outer_size", "height", "wall", "reach", "reach_x", "bandwidth", "ambient", "warming", "room", "magnets"),
+    *("neighbours_ignoring", "neighbours_subtracting", "neighbours_jointly"),
 )
 WORST = (
     *("strain", "resolution_z", "resolution_x", "saturation", "decoding", "drift", "distinct"),
@@ -251,9 +253,11 @@ class _Rated:
         top = int(np.flatnonzero(self.loads[:, 1] == 0)[-1])
         soft, stiff = (state.depth[:, top] for state in states)
         values = {"depth": soft, "depth_stiff": stiff, "hysteresis": self._hysteresis(soft)}
-        field, slopes, lift = self._readings(states)
+        poses = self._poses(states)
+        field, slopes, lift = self._readings(poses)
         found = {"strain": (self._at(states, "strain"), 1), "saturation": (self._saturation(field), -1)}
-        found |= self._resolutions(states, slopes, field, lift)
+        resolved, neighbours = self._resolutions(states, poses, slopes, field, lift)
+        found |= resolved
         known = {}
         for name, (table, way) in found.items():
             values[name] = self._over_corners(table, way)
@@ -263,6 +267,7 @@ class _Rated:
         if self.needed.unique_decoding:
             values["distinct"], result.worst["distinct"][rows] = self._distinct(field)
         values |= {"clearance": self._clearance(states[0]), "reach_x": self._reach_x(corners, states)}
+        values |= neighbours | {"room": self._room(states[0])}
         for name, value in values.items():
             result.values[name][rows] = value
         z, x = self._forces(1.0)
@@ -324,12 +329,8 @@ class _Rated:
         far = np.repeat(surrogate_range.farthest(self.sensors.beam[:, 0])[:, None], SHEARED_DEPTHS, axis=1)
         return with_shears(self.pressed, beams, np.minimum(low, high / 1.02), high, far, surrogate_range.SHEAR_NODES)
 
-    def _readings(self, states: Sequence[States], *, slopes: bool = True) -> tuple[Array, Array, Array]:
-        """Return the readings of the poses over the remanence, shape (n, p, 3), and their slopes.
-
-        The slopes along the depth, the shear and across it have the shape (n, p, 3, 3), in 1/mm, those by a lift of
-        the magnet (n, p, 3).
-        """
+    def _poses(self, states: Sequence[States]) -> Poses:
+        """Return the poses of the magnets, and their motions along the depth, the shear and across it."""
         s, D = self.sensors, self.sensors.D[:, None]
         angle = np.tile(self.angle, len(states))
         e = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
@@ -353,13 +354,22 @@ class _Rated:
             shift = shift + offset
             axis = rotated(up, lean[..., :2] + s.turn[:, None])
             moves = [move + np.cross(turn, offset) / D[..., None] for move, turn in zip(moves, turns, strict=True)]
+        return Poses(shift, axis, np.stack(moves, axis=-1), np.stack(turns, axis=-1))
+
+    def _readings(self, poses: Poses, *, slopes: bool = True) -> tuple[Array, Array, Array]:
+        """Return the readings in poses over the remanence, shape (n, p, 3), and their slopes.
+
+        The slopes along the depth, the shear and across it have the shape (n, p, 3, 3), in 1/mm, those by a lift of
+        the magnet (n, p, 3).
+        """
+        s, shift, axis = self.sensors, poses.shift, poses.axis
         field, by_shift, by_turn = readings_of_sensors(
             s.points, s.normals, s.owners, s.magnet, _filled(shift), _filled(axis), slopes=slopes
         )
         field = np.where(np.isnan(shift[..., :1]), np.nan, field)
         if not slopes:
             return field, by_shift, by_shift
-        J = by_shift @ np.stack(moves, axis=-1) + by_turn @ np.stack(turns, axis=-1) / D[..., None, None]
+        J = by_shift @ poses.moves + by_turn @ poses.turns / s.D[:, None, None, None]
         return field, np.where(np.isnan(shift[..., :1, None]), np.nan, J), by_shift[..., 2]
 
     def _rails(self, field: Array, end: int) -> Array:
@@ -379,10 +389,10 @@ class _Rated:
         return np.where(known, PRESS_GAP * SPRING_GAP * loss, np.nan)
 
     def _resolutions(
-        self, states: Sequence[States], slopes: Array, field: Array, lift: Array
-    ) -> dict[str, tuple[Array, int]]:
+        self, states: Sequence[States], poses: Poses, slopes: Array, field: Array, lift: Array
+    ) -> tuple[dict[str, tuple[Array, int]], dict[str, Array]]:
         """Return standard deviations and drifts of the decoded forces, errors by field and temperature where they are
-        required, and scaled determinants, (n, p), and their worse end.
+        required, and scaled determinants, (n, p), and their worse end; and errors by neighbours where required, (n,).
 
         A saturated reading does not change: no force is decoded.
         """
@@ -454,7 +464,24 @@ class _Rated:
             size = np.abs(np.array([cos * forces[1], sin * forces[1], forces[0]]))
             rise = SILICONE_EXPANSION * (s.L - s.D / 2)[:, None]
             found["warming"] = np.linalg.norm(change * of_drift + size * STIFFER + more[0] * rise, axis=0), 1
-        return found
+        if self.needed.cross_talk is None:
+            return found, {}
+        # of the least E, at which strokes are largest
+        with np.errstate(divide="ignore", invalid="ignore"):
+            by_reading = np.where(known[..., None, None], inverse / square[..., None, None], np.nan)
+        by_state = np.stack([np.stack(np.broadcast_arrays(*row), axis=-1) for row in rows], axis=-2)
+        by_reading, by_state = by_reading * weight[:, :, None], by_state * unit[..., None, None]
+        return found, estimated(self.sensors, poses.first(p), by_reading[:, :p], by_state[:, :p], self.needed)
+
+    def _room(self, soft: States) -> Array:
+        """Return the pitch of arrays from which on neighbours under all loads do not touch either, mm.
+
+        A pressed beam bulges as a column of constant volume, and the tips of two lean to each other.
+        """
+        s = self.sensors
+        depth, shear = (np.nan_to_num(each).max(axis=1) for each in (soft.depth, soft.shear))
+        bulging = 1 / np.sqrt(1 - np.minimum(depth / (s.L / s.D - 0.5), 0.9))
+        return np.asarray(np.maximum(s.room, s.D * (bulging + 2 * shear)))
 
     def _free(self) -> Array:
         """Return (n, 1, k, k) what takes off weighted readings what a uniform field explains; it changes nothing of
@@ -586,7 +613,7 @@ class _Rated:
         slack = 1 - state.strain / (self.needed.largest_strain or np.inf)
         slack = slack.min(axis=1)
         if self.needed.no_saturation:
-            field, _, _ = self._readings([state], slopes=False)
+            field, _, _ = self._readings(self._poses([state]), slopes=False)
             slack = np.minimum(slack, self._saturation(field).min(axis=1))
         depth = state.depth.max(axis=1)
         return np.where(depth * self.needed.stability_margin <= self.stable * (1 + 1e-9), slack, np.nan), depth

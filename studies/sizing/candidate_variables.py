@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from analytic.parts import of_design
 from geometry.arrays import Array, Ints
-from geometry.base import THINNEST, least_outline, least_thickness, plan
+from geometry.base import THINNEST, least_outline, least_pitch, least_thickness, plan
 from geometry.design import LEAST_WALL, BadInput, Design
 from geometry.fabrication.hall_elements import SS495A, WEB
 from geometry.fabrication.printability import PROCESSES
@@ -108,7 +108,7 @@ class Space:
         self.silicones = {name: np.array([getattr(each, name) for each in parts.silicones], float) for name in kinds}
         self.low = USUAL_D[0] if requirements.D_low is None else requirements.D_low
         self.high = USUAL_D[1] if requirements.D_high is None else requirements.D_high
-        self.high = min(self.high, requirements.outer_size or np.inf)
+        self.high = min(self.high, requirements.outer_size or np.inf, requirements.pitch or np.inf)
         self.low = min(self.low, self.high)
 
     def diameters(self) -> tuple[Array, Array]:
@@ -247,6 +247,15 @@ class Candidates:
         for k in np.flatnonzero(np.abs(self.D - np.clip(self.D, low, high)) > 1e-9):
             reasons[k] = f"D must lie within {low:g} and {high:.4g} mm; got {self.D[k]:.4g}"
         return reasons
+
+    def room(self) -> Array:
+        """Return the pitch of arrays from which on pockets and recesses of neighbours are apart, shape (n,), mm."""
+        is_round, places = self.space.requirements.base.is_round, np.moveaxis(self.circle(), 1, 0)
+        x, y = (
+            np.array([at - reach, at + reach])
+            for at, reach in zip(places, (self.hall_part("reach_x"), self.hall_part("reach_y")), strict=True)
+        )
+        return least_pitch(x, y, self.D / 2 + (self.space.process.fit if is_round else 0.0), is_round=is_round)
 
     def sizes(self) -> tuple[Array, Array, Array]:
         """Return outer size, height and thinnest printed wall or pin, each of shape (n,), mm."""

@@ -98,7 +98,10 @@ def impossible(needed: Requirements, catalogues: Catalogues) -> tuple[str, ...]:
     least = space.rounded(choices, lengths)
     texts = []
     size, height, wall = least.sizes() if len(D) else (np.zeros(0),) * 3
-    for name, values, bound in (("outer_size", size, needed.outer_size), ("height", height, needed.height)):
+    room = least.room() if len(D) else np.zeros(0)
+    lengths_of = {"outer_size": size, "height": height, "pitch": room}
+    for name, values in lengths_of.items():
+        bound = getattr(needed, name)
         if bound is None or not len(values) or values.min() <= bound:
             continue
         k = int(values.argmin())

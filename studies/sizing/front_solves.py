@@ -20,7 +20,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
@@ -38,8 +38,9 @@ from studies.mechanics.tasks import finished
 from studies.output.records import FlatRow
 from studies.parts.requirements import CRITERIA, MOST
 from studies.quantities import UNITS
+from studies.sensing.crosstalk import DECODERS
 from studies.simulation.solved_beams import MOTIONS, SolvedBeams
-from studies.sizing import front_yield
+from studies.sizing import beam_neighbours, front_yield
 from studies.sizing.candidate_performance import LEAST, NO_SHEAR, Performance, margins, performance
 from studies.sizing.candidate_variables import Candidates, Variant
 from studies.sizing.front_yield import Shares
@@ -92,6 +93,7 @@ class FrontPoint:
     rank, score : 1 for the best, equal for equal scores, and 0 to 1; 0 and NaN for a point that failed.
     made : the yield, by the surrogate; None of a point that failed by its own figures.
     doubt : why it is unknown whether a requirement is met, "" if that is known.
+    array : what `magtip array` says of it as a beam of the required array; empty for a single sensor.
     """
 
     number: int
@@ -106,6 +108,7 @@ class FrontPoint:
     score: float = np.nan
     made: Shares | None = None
     doubt: str = ""
+    array: FlatRow = field(default_factory=dict)
 
     def row(self) -> FlatRow:
         """Return the row of front.csv: each quantity by the surrogate and by FEM, and their difference."""
@@ -121,6 +124,8 @@ class FrontPoint:
         for each in self.worst:
             load = f"{each['force_z_N']:.4g} N with {each['force_x_N']:.4g} N at E = {each['E_MPa']:.4g} MPa"
             row[f"worst_load_of_{each['figure']}"] = load
+        for name in ("polarity", *(f"{decoder}_percent" for decoder in DECODERS), "magnets_change_N"):
+            row |= {f"array_{name}": self.array[name]} if self.array else {}
         made = self.made
         shares = [None] * 4 if made is None else [made.share, *made.interval, made.worst]
         for name, share in zip(("yield", "yield_low", "yield_high", "worst_batch"), shares, strict=True):
@@ -235,10 +240,24 @@ def solved_points(candidates: Candidates, needed: Requirements, fem: FiniteEleme
             middle |= {f"{name}_half_width": abs(float(end.values[name][k]) - middle[name]) for name in COMPARED}
         signed = {name: float(value[k]) for name, value in solved.margins.items()}
         reason = f"finite elements did not reach {', '.join(lost)}" if lost else ""
-        points.append(
-            _judged(FrontPoint(k + 1, variant, said, values, signed, _worst(solved, k, variant), "", reason), needed)
-        )
+        point = FrontPoint(k + 1, variant, said, values, signed, _worst(solved, k, variant), "", reason)
+        points.append(_judged(_in_array(point, needed), needed))
     return points
+
+
+def _in_array(point: FrontPoint, needed: Requirements) -> FrontPoint:
+    """Return a point with what `magtip array` says of it, where an array is required."""
+    if needed.pitch is None:
+        return point
+    row, why = beam_neighbours.reason_of(point.variant.design, needed)
+    values = point.solved | (beam_neighbours.figures_of(row) if row else {})
+    own = _margins_of(values, needed)
+    return replace(point, solved=values, margins=own, reason="; ".join(filter(None, [point.reason, why])), array=row)
+
+
+def _margins_of(values: dict[str, float], needed: Requirements) -> dict[str, float]:
+    signed = margins({name: np.array([value]) for name, value in values.items()}, needed)
+    return {name: float(value[0]) for name, value in signed.items()}
 
 
 def _judged(point: FrontPoint, needed: Requirements) -> FrontPoint:
@@ -344,9 +363,7 @@ def with_solved_loads(point: FrontPoint, needed: Requirements, fem: FiniteElemen
     strain = float(np.max([row["strain_percent"] for row in rows])) / 100
     rails = {row["figure"]: float(row["value"]) / 100 for row in rows if row["figure"] == "saturation"}
     values = point.solved | {"strain": strain} | rails
-    signed = margins({name: np.array([value]) for name, value in values.items()}, needed)
-    own = {name: float(value[0]) for name, value in signed.items()}
-    return _judged(replace(point, solved=values, worst=rows, margins=own), needed)
+    return _judged(replace(point, solved=values, worst=rows, margins=_margins_of(values, needed)), needed)
 
 
 def _rail_distance(design: Design, row: FlatRow, answer: FlatRow) -> float:

@@ -18,7 +18,7 @@ sensors is finite.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -291,8 +291,8 @@ def _margins(
     """Return the margins of made sensors, each of shape (n,); those of an impossible sensor are -1."""
     beams = made.beams()
     possible = possible & (beams.outside == "")
-    result = performance(made, beams, requirements, caution=caution)
-    # base, mould and rate are those of the nominal design
+    # base, mould and rate are those of the nominal design, and so are its neighbours
+    result = performance(made, beams, replace(requirements, cross_talk=None), caution=caution)
     own = {name: values for name, values in result.margins.items() if CRITERIA[name].varies}
     margins = {name: np.where(possible, values, -1.0) for name, values in own.items()}
     return margins | {IMPOSSIBLE: np.where(possible, 1.0, -1.0)}

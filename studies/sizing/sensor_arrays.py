@@ -10,7 +10,7 @@ import numpy as np
 from analytic.hall import plates_of
 from analytic.parts import AXES, Element, of_design
 from geometry.arrays import Array, Ints
-from geometry.base import Base, outer_size, plan
+from geometry.base import Base, least_pitch, outer_size, plan
 from geometry.design import modulus_at
 from geometry.fabrication.hall_elements import SS495A
 from geometry.mold import Mold, sizes
@@ -19,6 +19,8 @@ from studies.parts.requirements import Requirements
 from studies.sensitivity.made_sensors import MadeSensors
 from studies.sizing.candidate_variables import Candidates, Variant
 
+CORNERS = ("corner", "sides")
+"""What a block is given by."""
 ABSENT = 1e9
 """Rails of an element that a sensor has not, in the unit of its output; its noise is infinite."""
 
@@ -29,7 +31,8 @@ class Sensors:
 
     Attributes
     ----------
-    D, L, E_low, E_high, density, magnet_density, size, height, wall : shape (n,).
+    D, L, E_low, E_high, density, magnet_density, size, height, wall, room : shape (n,); room is the pitch of arrays
+        from which on pockets and recesses of neighbours are apart.
     beam : L, diameter and height of the magnet and its edge radius, over D, and nu, shape (n, 5).
     magnet, remanence : diameter and height; least and largest value, shape (n, 2).
     points, normals : where the elements sample the field, from the magnet's centre at rest, and their directions,
@@ -52,6 +55,7 @@ class Sensors:
     size: Array
     height: Array
     wall: Array
+    room: Array
     beam: Array
     magnet: Array
     remanence: Array
@@ -122,6 +126,7 @@ def sensors_of(candidates: Candidates) -> Sensors:
         D=D,
         L=c.L,
         magnet_density=c.magnet("density"),
+        room=c.room(),
         beam=np.column_stack([c.L / D, d / D, h / D, edge / D, c.silicone("nu")]),
         magnet=np.column_stack([d, h]),
         remanence=np.column_stack([c.magnet("remanence_low"), c.magnet("remanence_high")]),
@@ -154,7 +159,10 @@ def sensors_of_variant(variant: Variant, needed: Requirements) -> Sensors:
     names = ("L", "magnet_diameter", "magnet_height", "magnet_edge_radius")
     values = {name: getattr(d, name) for name in ("D", "L", "density", "magnet_density")}
     values |= {name: modulus_at(getattr(silicone, name), d.temperature) for name in ("E_low", "E_high")}
-    values |= {"size": 2 * outline.half, "height": height, "wall": wall}
+    low, sides = (np.array([getattr(body, name)[:2] for body in outline.seats.bodies.values()]) for name in CORNERS)
+    x, y = np.array([low, low + sides]).transpose(2, 0, 1)[..., None]
+    (room,) = least_pitch(x, y, outline.recess_radius, is_round=outline.is_round)
+    values |= {"size": 2 * outline.half, "height": height, "wall": wall, "room": room}
     return Sensors(
         **{name: np.array([value]) for name, value in values.items()},
         **one,

@@ -15,6 +15,7 @@ from studies.output.records import FlatRow
 from studies.parts import part_tolerances
 from studies.parts.requirements import design_table
 from studies.sizing import front_yield
+from studies.sizing.beam_neighbours import SIDE
 
 if TYPE_CHECKING:
     from studies.parts.requirements import Requirements
@@ -61,10 +62,12 @@ def export(variant: Variant, requirements: Requirements, folder: Path, progress:
     return row
 
 
-def write_design(variant: Variant, requirements: Requirements, folder: Path, origin: str = "") -> None:
-    """Write the design file: all fields that are no defaults, how the sensor is made, and what was required.
+def write_design(
+    variant: Variant, requirements: Requirements, folder: Path, origin: str = "", *, polarity: str = ""
+) -> None:
+    """Write the design file: all fields that are no defaults, the array, how it is made, and what was required.
 
-    origin : the sentence of `provenance.made`, its first line.
+    origin : the sentence of `provenance.made`, its first line. polarity : of the required array.
     """
     head = [
         *([f"# {origin}"] if origin else []),
@@ -76,6 +79,9 @@ def write_design(variant: Variant, requirements: Requirements, folder: Path, ori
     unused = variant.design.unused_fields()
     fields = user_input.changed_fields(variant.design)
     lines = [*map(one_line, head), *toml({name: value for name, value in fields.items() if name not in unused})]
+    if requirements.pitch is not None and polarity:
+        sides = toml({"rows": SIDE, "columns": SIDE})
+        lines += ["", "[array]", *sides, *toml({"pitch": requirements.pitch, "polarity": polarity})]
     lines += ["", "[fabrication]", *toml({"process": requirements.process})]
     screw = "" if requirements.screws else ", screw = 0"
     lines += [f"base = {{ shape = {literal(requirements.outer_shape)}{screw} }}", design_table(requirements).rstrip()]

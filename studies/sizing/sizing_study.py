@@ -34,8 +34,10 @@ from studies.output.records import FlatRow
 from studies.output.result import Block, Result, Table, Writer
 from studies.parts.catalogues import Catalogues, catalogues_of
 from studies.parts.requirements import CRITERIA, Requirements
+from studies.sensing.crosstalk import DECODERS
 from studies.sizing import conflicts, front_yield, sizing_figures
 from studies.sizing.advice import Proof
+from studies.sizing.beam_neighbours import SIDE
 from studies.sizing.conflicts import Conflict
 from studies.sizing.front_solves import (
     ALIKE,
@@ -411,6 +413,9 @@ def page(sizing: Sizing) -> str:
         nearest=[]
         if nearest is None
         else [{"quantity": k, "value": v} for k, v in nearest.row().items() if v is not None and v == v],
+        nearest_array=nearest.array if nearest else {},
+        side=SIDE,
+        decoders=DECODERS,
         nearest_worst=[] if nearest is None else nearest.worst,
         misses=[{"requirement": name, "margin, %": 100 * margins[name]} for name in least],
         reached=[] if sizing.winner is None else _reached(sizing.winner.solved, sizing.requirements),

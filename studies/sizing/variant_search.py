@@ -216,6 +216,7 @@ class Rating:
         shares = {"wall": needed.printed_wall / wall}
         shares |= {} if needed.outer_size is None else {"outer_size": size / needed.outer_size}
         shares |= {} if needed.height is None else {"height": height / needed.height}
+        shares |= {} if needed.pitch is None else {"pitch": candidates.room() / needed.pitch}
         excess = [share - 1 for name, share in shares.items() if name not in self.free]
         return np.asarray(np.max([nothing, *excess], axis=0))
 
