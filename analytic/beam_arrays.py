@@ -42,10 +42,13 @@ from analytic.inverse.forward_model import (
     Forward,
     magnets_at,
     model,
+    read_poses,
     readings_of_sensors,
+    readings_with_slopes,
     rotation,
 )
 from analytic.inverse.joint_poses import read_placed, read_shifted, solve_frame
+from analytic.inverse.response_surface import forces
 from analytic.magnet import MU_0, repulsion
 from geometry.array_design import ArrayDesign, grid_array
 from geometry.arrays import Array, Ints
@@ -261,13 +264,11 @@ def decoded_with_readings(
     Those are NaN in frames that do not converge; magnets outside the workspace count where they were found.
     """
     goal, pairs, (f, _, k) = coder.goal, array.pairs, readings.shape
-    free = goal.free if len(goal.free) else np.eye(k)
-    metric = (goal.weights[:, None] * free).T @ (goal.weights[:, None] * free)
     lost = np.asarray(~np.isfinite(readings).all(axis=2))
     near, found = np.where(lost[..., None], 0.0, readings - array.far), np.array(start, dtype=float)
     values = np.empty((f, pairs.shape[1], k))
     solved = [
-        solve_frame(row, held, array.arguments, (metric, goal.D), shift, each)
+        solve_frame(row, held, array.arguments, (_metric(coder), goal.D), shift, each)
         for row, held, shift, each in zip(near, lost, found, values, strict=True)
     ]
     _check(values)
@@ -277,6 +278,54 @@ def decoded_with_readings(
     inside = ((goal.low <= found) & (found <= goal.high)).all(axis=2) & ~lost
     found[~inside] = np.nan
     return found, total, own
+
+
+# Reach
+
+
+def errors_by_reach(coder: Decoder, array: BeamArray, shift: Array) -> tuple[Array, Array]:
+    """Return the distances of beams, ascending, mm, and the error of the force for each of them as the reach, N.
+
+    That of the worst beam, at the load where its force depends most on its readings, while all magnets beyond the
+    reach have loads of their own and count as at rest: its mean and three standard deviations, as each load is as
+    likely. What errors of near beams change in each other is left out.
+
+    shift : poses under the loads, (l, 3), mm, the first at rest. The mechanics of the decoder give the forces.
+    """
+    assert coder.mechanics is not None
+    whole, (n, k) = replace(array, reach=math.inf), (len(array), len(array.forward.elements))
+    _, chosen, alike = np.unique(np.round(whole.offsets, 9), axis=0, return_index=True, return_inverse=True)
+    moved, axis = magnets_at(array.forward, shift.T)
+    at, values = moved - whole.offsets[chosen][:, None], np.empty((len(chosen) * len(shift), k))
+    along, kernel = np.tile(axis, (len(chosen), 1)), array.forward.kernel
+    read_poses(at.reshape(-1, 3), along, kernel, values, *np.empty((2, 0, k, 3)))
+    _check(values)
+    change = values.reshape(len(chosen), len(shift), k)
+    change = change - change[:, :1]
+    # forces (l, 3) by readings, at each of the loads
+    A = readings_with_slopes(array.forward, shift.T)[1].transpose(2, 1, 0)
+    told = np.linalg.solve(A.swapaxes(1, 2) @ _metric(coder) @ A, A.swapaxes(1, 2) @ _metric(coder))
+    by_reading = np.einsum("jil,ljk->lik", forces(coder.mechanics, shift.T)[1], told)
+    mean = change.mean(axis=1)
+    spread = np.einsum("lik,ujk->luji", by_reading, change - mean[:, None])
+    variance = (spread**2).sum(axis=3).mean(axis=2).T
+    # sums over the magnets of each beam by their distance, then over those beyond
+    distances, place = np.unique(np.round(np.linalg.norm(whole.offsets, axis=1), 6), return_inverse=True)
+    means, variances = np.zeros((n, len(distances), k)), np.zeros((n, len(distances), len(shift)))
+    pair, (first, second) = alike.ravel(), whole.pairs
+    np.add.at(means, (first, place.ravel()), array.poles[second][:, None] * mean[pair])
+    np.add.at(variances, (first, place.ravel()), variance[pair])
+    means, variances = (each.sum(axis=1, keepdims=True) - each.cumsum(axis=1) for each in (means, variances))
+    shifted = np.linalg.norm(np.einsum("lik,bdk->bdli", by_reading, means), axis=-1)
+    error = (shifted + 3 * np.sqrt(np.maximum(variances, 0.0))).max(axis=(0, 2))
+    error[-1] = 0.0
+    return distances, error
+
+
+def _metric(coder: Decoder) -> Array:
+    """Return K (k, k) of `analytic.inverse.joint_poses`."""
+    weighed = coder.goal.weights[:, None] * (coder.goal.free if len(coder.goal.free) else np.eye(len(coder.sigma)))
+    return np.asarray(weighed.T @ weighed)
 
 
 # Forces

@@ -3,6 +3,7 @@
 import contextlib
 import io
 import json
+import math
 from collections import Counter
 from dataclasses import replace
 
@@ -18,12 +19,13 @@ from analytic.decode import decode, decoder
 from analytic.hall import field_at
 from analytic.inverse.forward_model import model, readings_at, readings_with_slopes
 from analytic.magnet import repulsion
-from geometry.array_design import POLARITIES, ArrayDesign, poles_of
+from geometry.array_design import POLARITIES, ArrayDesign, grid_array, poles_of
 from geometry.base import Base, plan
 from geometry.design import BadInput, paper
 from studies.cli import main
 from studies.sensing import crosstalk, decode_readings
-from studies.sensing.array_readings import ArrayDecoder, frame_status
+from studies.sensing.array_readings import FAR_ERROR, ArrayDecoder, frame_status, with_reach
+from studies.sensing.disturbed_loads import loads_of
 from studies.sensitivity.decode_tolerances import frame_statuses
 
 DESIGN = paper()
@@ -136,6 +138,42 @@ def test_subtracting_the_neighbours_brings_the_poses_nearer():
     first = beam_arrays.decoded_alone(CODER, array, readings - stray).shift.reshape(shift.shape)
     second = beam_arrays.less_neighbours(CODER, array, readings, first).shift.reshape(shift.shape)
     assert np.abs(second - shift).max() < np.abs(first - shift).max() / 10
+
+
+@pytest.fixture(scope="module")
+def chips():
+    """Of a design with a 3-axis chip, by level finite."""
+    design = replace(DESIGN, hall_layout="tle493d-w2b6", chip_noise=5e-5)
+    return decoder(design, decode_readings.of_level(design, "finite"))
+
+
+def test_the_reach_of_many_beams_makes_the_error_that_is_said(chips):
+    many = ArrayDecoder(grid_array(chips.forward.design, 5, 6, 20.0), chips, lambda frame: frame.status)
+    near = many.stream.array
+    assert 20.0 < near.reach < 60.0
+    (said,) = many.said
+    assert f"of 30 beams, magnets farther than {near.reach:.3g} mm count as at rest" in said
+    loads, full, _ = loads_of(chips, None)
+    _, stated, _ = with_reach(chips, replace(near, reach=math.inf), FAR_ERROR)
+    assert f"{stated:.2g} N, {100 * stated / full:.1g} %" in said
+    _, shift = crosstalk.random_loads(chips, loads, 240)
+    frames = shift.reshape(8, 30, 3)
+    readings = readings_of_array(replace(near, reach=math.inf), frames)
+    found, force = (
+        crosstalk._forces(chips, each)
+        for each in (beam_arrays.decoded_jointly(chips, near, readings, frames), frames)
+    )
+    off = np.linalg.norm(found - force, axis=-1).max()
+    assert stated / 10 < off < stated < FAR_ERROR * full
+    distances, errors = beam_arrays.errors_by_reach(chips, near, loads.poses.shift)
+    assert len(distances) == len(errors)
+    assert (np.diff(errors) <= 0).all()
+    assert errors[-1] == 0
+
+
+def test_all_magnets_of_few_beams_count(chips):
+    few = ArrayDecoder(grid_array(chips.forward.design, 4, 4, 20.0), chips, lambda frame: frame.status)
+    assert (few.stream.array.reach, few.said) == (math.inf, [])
 
 
 def test_a_frame_that_no_poses_have_is_unknown():
@@ -367,16 +405,14 @@ def test_a_stream_of_frames_follows_its_beams_and_knows_those_without_readings()
     assert stream.step(readings[3] + drift).shift == pytest.approx(shift[3], abs=1e-9)
 
 
-def test_beams_at_rest_do_not_hide_that_another_one_is_loaded():
+def test_beams_at_rest_do_not_hide_that_another_one_is_loaded(chips):
     """Noise at rest may be the tolerances of a built sensor: of all beams together only where none is loaded."""
-    design = replace(DESIGN, hall_layout="tle493d-w2b6", chip_noise=5e-5)
-    coder = decoder(design, decode_readings.of_level(design, "finite"))
-    pads = ArrayDesign(design, np.array([[0.0, 0.0], [16.0, 0.0], [0.0, 16.0]]), np.ones(3))
-    pressed, noise = np.zeros((3, 3)), coder.sigma * np.random.default_rng(1).normal(size=(20, 3, 3))
+    pads = ArrayDesign(chips.forward.design, np.array([[0.0, 0.0], [16.0, 0.0], [0.0, 16.0]]), np.ones(3))
+    pressed, noise = np.zeros((3, 3)), chips.sigma * np.random.default_rng(1).normal(size=(20, 3, 3))
     pressed[1, 2] = -0.8
-    seen, (deviation,) = [], decode(coder, readings_at(coder.forward, np.zeros((3, 1))).T).noise_N
+    seen, (deviation,) = [], decode(chips, readings_at(chips.forward, np.zeros((3, 1))).T).noise_N
     for shift in (pressed, np.zeros((3, 3))):
-        decoding = ArrayDecoder(pads, coder, frame_statuses(coder))
+        decoding = ArrayDecoder(pads, chips, frame_statuses(chips))
         fields = readings_of_array(decoding.stream.array, shift[None]) + noise
         rows = [dict(zip(decoding.columns, decoding.row(frame, None), strict=True)) for frame in fields]
         seen.append(Counter(row["status"] for row in rows))

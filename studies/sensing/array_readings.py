@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -33,6 +33,7 @@ from studies.output.records import FlatRow
 from studies.output.result import Result, Table, failure_of
 from studies.sensing import decode_readings
 from studies.sensing.decode_readings import Source
+from studies.sensing.disturbed_loads import loads_of
 from studies.sensing.field_readings import pose_of, read_rows, write_rows
 
 if TYPE_CHECKING:
@@ -45,6 +46,9 @@ KEYS: dict[str, Any] = {
 """Keys of the table [array] of a design file."""
 MOST = 16
 """Largest number of rows and of columns; their product is the largest number of places."""
+WHOLE, FAR_ERROR = 16, 1e-3
+"""Number of beams up to which the motion of each magnet counts at all elements, which takes less than 1 ms a frame;
+of more, the error over the range that a reach may make: far below the errors of mechanics and elements."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -215,18 +219,48 @@ NET = ("status", "force_x_N", "force_y_N", "force_z_N")
 """Columns of the whole frame."""
 
 
+def with_reach(coder: Decoder, beams: BeamArray, share: float) -> tuple[BeamArray, float, tuple[float, str]]:
+    """Return the beams with the least reach whose error is within a share of the range, that error, N, and the range.
+
+    The range is a force, N, and which one it is, in words.
+    """
+    loads, full, words = loads_of(coder, None)
+    distances, errors = beam_arrays.errors_by_reach(coder, beams, loads.poses.shift)
+    least = int(np.flatnonzero(errors <= share * full)[0])
+    # beyond rounding of the distances
+    reach = float(distances[least]) * (1 + 1e-6)
+    return replace(beams, reach=math.inf if errors[least] == 0 else reach), float(errors[least]), (full, words)
+
+
+def _near(coder: Decoder, beams: BeamArray) -> tuple[BeamArray, list[str]]:
+    """Return the beams with the reach that their number needs, and what is to be said of it."""
+    if len(beams) <= WHOLE:
+        return beams, []
+    near, error, (full, words) = with_reach(coder, beams, FAR_ERROR)
+    said = (
+        f"of {len(beams)} beams, magnets farther than {near.reach:.3g} mm count as at rest for a beam: an error of "
+        f"some {error:.2g} N, {100 * error / full:.1g} % of {full:.3g} N ({words})"
+    )
+    return near, [] if math.isinf(near.reach) else [said]
+
+
 class ArrayDecoder:
     """Decodes frames of an array to rows.
 
     coder : of one beam. statuses : returns those of a frame's beams, such as
         `studies.sensitivity.decode_tolerances.frame_statuses`.
     jitter : as in `analytic.stream.Stream`.
+
+    Attributes
+    ----------
+    said : which magnets count as at rest, and the error of that; empty where none does.
     """
 
     def __init__(
         self, array: ArrayDesign, coder: Decoder, statuses: Callable[[Frame], list[Status]], jitter: float = 0.0
     ) -> None:
-        self.stream = ArrayStream(coder, beam_arrays.standing(coder.forward, array), jitter)
+        beams, self.said = _near(coder, beam_arrays.standing(coder.forward, array))
+        self.stream = ArrayStream(coder, beams, jitter)
         self._statuses, self._shape = statuses, (len(array), len(coder.forward.elements))
         self.columns = (*NET, *(f"b{k}_{name}" for k in range(1, len(array) + 1) for name in FOUND))
 
@@ -306,6 +340,7 @@ def decode_text(decoder: ArrayDecoder, text: str, source: Source) -> Result:
         records=[record],
         shown=[Table(title="Decoded beams", rows=shown)],
         warnings=[source.warning] * bool(source.warning),
+        remarks=decoder.said,
         failures=lost,
     )
 
@@ -336,6 +371,6 @@ def decode_file(
         records=[] if target is None else [dict(counts)],
         shown=[],
         warnings=[source.warning] * bool(source.warning),
-        remarks=[*source.said, *said],
+        remarks=[*source.said, *decoder.said, *said],
         failures=[] if known else ["no frame has the force of all its beams"],
     )

@@ -16,6 +16,7 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -34,7 +35,7 @@ from studies.output import console, page_templates
 from studies.output.figures import LOG, Figure, panels, picture, rule, styles
 from studies.output.records import FlatRow
 from studies.output.result import Result, Table
-from studies.sensing.array_readings import Grid
+from studies.sensing.array_readings import FAR_ERROR, WHOLE, Grid, with_reach
 from studies.sensing.decode_readings import Source
 from studies.sensing.disturbed_loads import Loads, loads_of, shifts_under
 
@@ -57,8 +58,10 @@ MANY = 36
 """Number of beams from which on the time that all takes is told after the first pitch."""
 REACHES = {"8 nearest": 1.5, "24 nearest": 2.5}
 """Beams that a sparse joint decoder takes, and the distance up to which these lie, over the pitch."""
-TIMED, REPEATS = 4, 9
-"""Rows and columns of the array whose decoding is timed, and the number of times, of which the median counts."""
+TIMED, REPEATS = 16, 9
+"""Beams of the array whose decoding from readings alone is timed, and how often: the median counts."""
+SIZES, SHARES = (2, 4, 8, 16), (1e-2, 1e-3)
+"""Rows and columns of the arrays that are timed, and errors over the range for which these have a reach."""
 LIGHTER = 0.99
 """Shifts of the frame before over those of the frame, for the time of following a stream."""
 
@@ -124,7 +127,7 @@ def run(
         "laws": laws,
         "error_percent": options.error,
         "smallest_pitch": smallest,
-        **_cost(coder, grid, pitch, drawn[1]),
+        **_cost(coder, grid, pitch, drawn[1], full),
     }
     page = page_templates.rendered(
         Path(__file__).with_name("ARRAY.md.j2"),
@@ -133,6 +136,8 @@ def run(
         decoders=DECODERS,
         forces=forces_in_words(record),
         cost=cost_in_words(record),
+        whole=WHOLE,
+        far=f"{100 * FAR_ERROR:g}",
     )
     return Result(
         title="Array",
@@ -163,6 +168,7 @@ def _shown(record: dict[str, Any], rows: list[FlatRow]) -> list[Table | str]:
         Table(title="Joint decoding with the nearest neighbours only", rows=record["sparse"]),
         forces_in_words(record),
         cost_in_words(record),
+        Table(title="Joint decoding over the number of beams", rows=record["cost"]),
     ]
 
 
@@ -181,9 +187,8 @@ def _base_warning(single_base: Callable[[], Plan], pitch: float) -> list[str]:
 def cost_in_words(record: dict[str, Any]) -> str:
     """Return the time of joint decoding, in a sentence."""
     return (
-        f"Decoding {TIMED} x {TIMED} beams jointly takes {record['decode_ms']:.3g} ms of one thread for a frame, and "
-        f"{record['follow_ms']:.3g} ms from the poses of the frame before, or {record['block_ms']:.3g} ms in blocks "
-        f"of {FRAMES} frames."
+        f"Decoding {TIMED} beams jointly takes {record['decode_ms']:.3g} ms of one thread for a frame, and "
+        f"{record['follow_ms']:.3g} ms from the poses of the frame before."
     )
 
 
@@ -285,14 +290,13 @@ def errors_of_array(
 
 def forces_of_decoders(coder: Decoder, array: BeamArray, readings: Array) -> dict[str, Array]:
     """Return the decoded forces (f, n, 3), N, of readings (f, n, k), T, by the names of the decoders."""
-    law, shape = coder.mechanics, (*readings.shape[:2], 3)
-    assert law is not None
+    shape = (*readings.shape[:2], 3)
     stray = readings_of_array(array, np.zeros((1, *shape[1:])), own=False)
     alone = beam_arrays.decoded_alone(coder, array, readings - stray)
     first = beam_arrays.at_rest_where_unknown(alone, shape)
     once = beam_arrays.less_neighbours(coder, array, readings, first)
     joint = beam_arrays.decoded_jointly(coder, array, readings, beam_arrays.at_rest_where_unknown(once, shape))
-    forces = alone.force, once.force, response_surface.force_and_load(law, joint.reshape(-1, 3).T)[0].T
+    forces = alone.force, once.force, _forces(coder, joint)
     return {name: force.reshape(shape) for name, force in zip(DECODERS, forces, strict=True)}
 
 
@@ -439,27 +443,60 @@ def _smallest(rows: list[FlatRow], limit: float) -> list[FlatRow]:
     return found
 
 
-def _cost(coder: Decoder, grid: Grid, pitch: float, shift: Array) -> FlatRow:
-    """Return the times of decoding a frame of 4 x 4 beams, ms: from its readings alone, and from poses nearby."""
-    polarity = grid.polarity if grid.polarity in POLARITIES else "up"
-    array = beam_array(coder.forward, TIMED, TIMED, pitch, polarity)
-    block = np.resize(shift, (FRAMES, len(array), 3))
-    one = block[:1]
-    readings, of_block = (readings_of_array(array, each) for each in (one, block))
+def costs(coder: Decoder, pitch: float, polarity: str, shift: Array, full: float) -> list[FlatRow]:
+    """Return times of joint decoding, and errors by the reach, of square arrays of the sizes `SIZES`.
 
-    def median_ms(decode: Callable[[], Any]) -> float:
-        times = []
-        for _ in range(REPEATS):
-            start = time.thread_time()
-            decode()
-            times.append(1e3 * (time.thread_time() - start))
-        return float(np.median(times))
+    For each of them all magnets count, and those within the least reaches for the errors `SHARES`.
 
-    return {
-        "decode_ms": median_ms(lambda: forces_of_decoders(coder, array, readings)),
-        "follow_ms": median_ms(lambda: beam_arrays.decoded_jointly(coder, array, readings, LIGHTER * one)),
-        "block_ms": median_ms(lambda: beam_arrays.decoded_jointly(coder, array, of_block, LIGHTER * block)) / FRAMES,
-    }
+    shift : random shifts under loads, (m, 3), mm. full : force of which errors are percentages, N.
+    """
+    found: list[FlatRow] = []
+    for size in SIZES:
+        whole = beam_array(coder.forward, size, size, pitch, polarity)
+        stated = {whole.reach: (whole, 0.0)}
+        for near, error, _ in (with_reach(coder, whole, share) for share in SHARES):
+            stated.setdefault(near.reach, (near, error))
+        frames = np.resize(shift, (2, len(whole), 3))
+        readings = readings_of_array(whole, frames)
+        for near, error in stated.values():
+            decoded = beam_arrays.decoded_jointly(coder, near, readings, LIGHTER * frames)
+            off = np.linalg.norm(_forces(coder, decoded) - _forces(coder, frames), axis=-1)
+            follow = partial(beam_arrays.decoded_jointly, coder, near, readings[:1], LIGHTER * frames[:1])
+            found.append({
+                "beams": len(whole), "neighbours": int(np.bincount(near.pairs[0]).max()) - 1,
+                "reach_mm": near.reach if math.isfinite(near.reach) else math.nan,
+                "stated_N": error, "stated_percent": 100 * error / full,
+                "error_N": float(off.max()), "error_percent": 100 * float(off.max()) / full,
+                "follow_ms": _median_ms(follow, max(3, 2 * TIMED // len(whole))),
+            })  # fmt: skip
+    return found
+
+
+def _forces(coder: Decoder, shift: Array) -> Array:
+    assert coder.mechanics is not None
+    flat = np.ascontiguousarray(shift.reshape(-1, 3).T)
+    return response_surface.force_and_load(coder.mechanics, flat)[0].T.reshape(shift.shape)
+
+
+def _median_ms(decode: Callable[[], Any], repeats: int) -> float:
+    times = []
+    for _ in range(repeats):
+        start = time.thread_time()
+        decode()
+        times.append(1e3 * (time.thread_time() - start))
+    return float(np.median(times))
+
+
+def _cost(coder: Decoder, grid: Grid, pitch: float, shift: Array, full: float) -> dict[str, Any]:
+    """Return the times of decoding a frame of `TIMED` beams, ms, from its readings alone and from poses nearby, and
+    of other sizes."""
+    polarity = grid.polarity if isinstance(grid.polarity, str) else "up"
+    rows, side = costs(coder, pitch, polarity, shift, full), math.isqrt(TIMED)
+    array = beam_array(coder.forward, side, side, pitch, polarity)
+    readings = readings_of_array(array, np.resize(shift, (1, TIMED, 3)))
+    alone = partial(forces_of_decoders, coder, array, readings)
+    follow = next(row["follow_ms"] for row in rows if row["beams"] == TIMED)
+    return {"decode_ms": _median_ms(alone, REPEATS), "follow_ms": follow, "cost": rows}
 
 
 # The figure

@@ -228,6 +228,7 @@ class Arrayed:
         self.said = [*source.said, *[source.warning] * bool(source.warning)]
         coder = decode_readings.prepare(array.design, source, reject_ambient=options.reject_ambient)
         self._decoder = ArrayDecoder(array, coder, frame_statuses(coder), jitter)
+        self.said += self._decoder.said
         self.columns = self._decoder.columns
         rest = np.zeros((len(array), 3)), np.zeros((len(array), 2))
         # what decodes is compiled before the first frame
