@@ -58,6 +58,7 @@ class Panel:
     tables : names of its tables among those of its data; default: its own, which its data are.
     picture : script of the page that draws a picture of each side from its data.
     of_array : whether only the page of an array has it.
+    folded : whether it is answered once it is opened only.
     """
 
     name: str
@@ -71,6 +72,7 @@ class Panel:
     tables: tuple[str, ...] = ()
     picture: str = ""
     of_array: bool = False
+    folded: bool = False
 
     @property
     def part(self) -> str:
@@ -100,6 +102,7 @@ PANELS = (
     Panel("decoded", "Decoded load", of="state", compared=6, offline=True),
     Panel("stability", "Stability and modes", "state_answers.stability_panel", "design", offline=True),
     Panel("margins", "Requirements", "required_margins.margins_panel", "first", width=12),
+    Panel("drawing", "Drawing", "state_pictures.drawing_panel", width=12, picture="drawing", folded=True),
     Panel("vibration", "Vibration", "time_answers.vibration_panel", "rest"),
     Panel("loop", "Loading cycle", "time_answers.loop_panel", "load"),
 )

@@ -28,7 +28,8 @@ from __future__ import annotations
 
 import functools
 import math
-from typing import Any
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy import special
@@ -37,7 +38,8 @@ from skfem import ElementTriP2
 from analytic.parts import of_design
 from fem.solution import Field, Solution
 from geometry.arrays import Array, Ints
-from geometry.design import Design
+from geometry.bad_input import SolveFailed
+from geometry.design import BadInput, Design
 from geometry.loads import Load, Magnet
 from studies.output.deformed_body import (
     QUARTERS,
@@ -49,6 +51,10 @@ from studies.output.deformed_body import (
     outer_edges,
 )
 from studies.output.vtk_files import at_all_nodes
+
+if TYPE_CHECKING:
+    from studies.web.explorer_state import Request
+    from studies.web.panels import Memory
 
 DIGITS = 4
 """Decimals of coordinates, mm."""
@@ -281,3 +287,20 @@ def _thinned(line: Array, least: float) -> Array:
     kept = np.diff(np.floor(length / least), prepend=-1) > 0
     kept[-1] = True
     return np.asarray(line[kept])
+
+
+# The drawings of a design
+
+
+def drawing_panel(request: Request, level: str, memory: Memory) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield the drawing of all lengths of a design, and then that of its loads too, whose bodies are solved for."""
+    from studies.fabrication.symbol_drawings import lengths, loads
+    from studies.web.state_answers import mechanics
+
+    design, pictures, said = request.state.design, dict[str, str](), list[str]()
+    for name, draw, key in (("lengths", lengths, design), ("loads", loads, mechanics(design))):
+        try:
+            pictures[name] = memory.results.get((f"drawing of {name}", key), functools.partial(draw, design))
+        except (BadInput, SolveFailed) as error:
+            said.append(f"There is no drawing of the {name}: {error}.")
+        yield level, {"picture": {**pictures}, "rows": [], "message": " ".join(said)}

@@ -144,8 +144,7 @@ const ArrayView = (() => {
     return ahead.length ? ahead.reduce((best, one) => (one.a + one.b < best.a + best.b ? one : best)).k : from;
   }
 
-  function start(side) {
-    const figure = document.querySelector(`figure.array[data-side=${side}]`);
+  function start(figure, side) {
     let data = null;
     let drawn = "";
     const choose = (k) => Explorer.choose(side, String(k + 1));

@@ -12,11 +12,12 @@ const Explorer = (() => {
     field: ["displacement", "pressure", "stretch"],
     lines: ["no", "yes"],
     mesh: ["no", "yes"],
+    drawing: ["no", "yes"],
     formula: ["finite", "paper", "column", "tip", "magnet"],
     edit: ["a", "b"],
     cut: ["open", "whole"],
   };
-  const ASKED = ["level", "lines"];
+  const ASKED = ["level", "lines", "drawing"];
   const VIEW = Object.fromEntries(Object.entries(VIEWS).map(([key, [first]]) => [key, first]));
   const inAddress = (key) => (key === "level" ? key : `view.${key}`);
   const EVERYTHING = ["layout", "controls", ...Requests.PARTS];
@@ -65,7 +66,7 @@ const Explorer = (() => {
     if (done) commitSoon();
   }
 
-  const isAsked = (part) => part !== "field_lines" || view.lines === "yes";
+  const isAsked = (part) => view[part === "field_lines" ? "lines" : part] !== "no";
   const parts = () => Requests.PARTS.filter(isAsked);
 
   function message(side) {
@@ -250,7 +251,8 @@ const Explorer = (() => {
     for (const input of document.querySelectorAll("[name=edit]")) input.checked = input.value === view.edit;
     for (const [key, text] of Object.entries(view)) {
       const node = $(`#view-${key}`);
-      if (node) Object.assign(node, node.type === "checkbox" ? { checked: text === "yes" } : { value: text });
+      const yes = text === "yes";
+      if (node) Object.assign(node, node.matches("details") ? { open: yes } : { checked: yes, value: text });
     }
   }
 
@@ -427,6 +429,11 @@ const Explorer = (() => {
       $(`#view-${key}`)?.addEventListener("change", ({ target }) =>
         look(key, target.type === "checkbox" ? (target.checked ? "yes" : "no") : target.value),
       );
+    for (const fold of document.querySelectorAll("details[id^=view-]"))
+      fold.addEventListener("toggle", () => {
+        const [key, text] = [fold.id.replace("view-", ""), fold.open ? "yes" : "no"];
+        if (view[key] !== text) look(key, text);
+      });
     $("#cut").addEventListener("click", () => look("cut", view.cut === "open" ? "whole" : "open"));
     $("#turn-back").addEventListener("click", () => {
       Object.assign(turn, SensorView.START);

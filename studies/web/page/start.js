@@ -47,10 +47,27 @@
     Object.fromEntries(
       [...document.querySelectorAll(`[data-${kind}]`)].map((box) => [box.dataset[kind], { box, ...make(box) }]),
     );
+  // Drawings of a design as images, by their names.
+  const WORDS = { lengths: "Lengths of the sensor", loads: "Loads of the sensor, with their signs" };
+  const drawings = (figure) => {
+    let shown = null;
+    return (picture) => {
+      if (picture === shown) return;
+      shown = picture;
+      figure.replaceChildren();
+      for (const [name, text] of Object.entries(picture ?? {}))
+        Format.make("img", { src: `data:image/svg+xml,${encodeURIComponent(text)}`, alt: WORDS[name] }, figure);
+    };
+  };
+  const painters = { array: ArrayView.start, drawing: drawings };
+  const painted = (name) => ["a", "b"].map((side) => [side, $(`figure.${name}[data-side=${side}]`)]);
   views.pictures = Object.fromEntries(
-    Object.entries({ array: ArrayView })
-      .filter(([name]) => $(`figure.${name}`))
-      .map(([name, view]) => [name, Object.fromEntries(["a", "b"].map((side) => [side, view.start(side)]))]),
+    Object.keys(painters)
+      .filter((name) => $(`figure.${name}`))
+      .map((name) => [
+        name,
+        Object.fromEntries(painted(name).map(([side, figure]) => [side, painters[name](figure, side)])),
+      ]),
   );
   views.charts = charts;
   views.tables = named("table", (box) => ({ show: Numbers.table(box) }));
