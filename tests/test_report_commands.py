@@ -85,6 +85,7 @@ def section(path):
     [
         ("array", 1),
         ("demo", 9),
+        ("disturbance", 1),
         ("errors", 3),
         ("field", 1),
         ("formulas", 15),

@@ -25,8 +25,8 @@ from studies.parts.requirements import Requirements, stated_requirements
 if TYPE_CHECKING:
     import pandas as pd
 
-IGNORED = (".stl", ".step", ".3mf", ".dxf", ".npz", ".html")
-"""Suffixes of files that are no results to show: solids and drawings for machines, states of a search, pages."""
+IGNORED = (".stl", ".step", ".3mf", ".dxf", ".zip", ".kicad_pcb", ".kicad_pro", ".kicad_sch", ".npz", ".html")
+"""Suffixes of files that are no results to show: solids, drawings, boards for machines, states of a search, pages."""
 PICTURES = (".png", ".svg")
 SIZING = "sizing.json"
 """Record of a sizing, whose version counts."""

@@ -81,6 +81,11 @@ KNOWN = (
     Known("sobol.csv", ("output", "input", "first_order", "total_order"), uncertainty_figures.sobol, ("sobol.png",)),
     Known("morris.csv", ("output", "input", "mu_star", "sigma"), uncertainty_figures.morris, ("morris.png",)),
     Known("morris_cases.csv", ("fem_force_N", "status"), None),
+    Known(
+        "disturbances.csv",
+        ("disturbance", "size", "error_percent", "tared_percent"),
+        verdict_figures.disturbances,
+    ),
     Known("pitches.csv", crosstalk.DRAWN, crosstalk.figures, ("array.png",)),
     Known("montecarlo.csv", ("sensor", "status", "E_MPa"), uncertainty_figures.made_sensors, ("montecarlo.png",)),
 )

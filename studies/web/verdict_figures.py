@@ -88,6 +88,33 @@ def friction(table: pd.DataFrame) -> list[Figure]:
     return shares(title, "deviation / bound", names, measured, bound, texts(table, "passed") == "True")
 
 
+def disturbances(table: pd.DataFrame) -> list[Figure]:
+    """Return the errors of the force that surroundings make, before and after taring, a line for each of them."""
+    import altair as alt
+    import pandas as pd
+
+    error, times = (
+        "largest error of the force (% of the range)",
+        {"error_percent": "untared", "tared_percent": "tared"},
+    )
+    size = texts(table, "size").str.removesuffix(", under loads of its own")
+    names = texts(table, "disturbance") + ", " + size
+    columns = {word: numbers(table, key) for key, word in times.items()}
+    data = pd.concat(
+        [pd.DataFrame({error: each, "surroundings": names, "series": word}) for word, each in columns.items()]
+    )
+    data = data[data[error] > 0].reset_index(drop=True)
+    points = alt.Chart(data).mark_point().encode(
+        x=alt.X(error, **LOG), y=alt.Y("surroundings", sort=names.tolist(), title=None), **styles(times.values())
+    )  # fmt: skip
+    caption = (
+        "Largest error of the decoded force over loads of the range, tared in free air, and tared at rest beside the "
+        "disturbance. Surroundings in which most readings give no force have no point."
+    )
+    chart = points.properties(height=alt.Step(15))
+    return [Figure("Error of the force by the surroundings", caption, chart, data)]
+
+
 def crosscheck(table: pd.DataFrame) -> list[Figure]:
     """Return the differences between harmonics and tetrahedra over both error estimates together."""
     import pandas as pd
