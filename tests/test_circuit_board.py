@@ -11,13 +11,22 @@ import pytest
 import shapely
 
 from geometry import base
+from geometry.array_design import grid_array
 from geometry.bad_input import BadInput
 from geometry.cad import element_positions
 from geometry.design import Design, paper, preset
 from geometry.fabrication.hall_elements import SS495A
 from geometry.mold import Mold
-from studies.fabrication import board_files, board_layers, circuit_board, kicad_schematic, parts_list
-from studies.fabrication.board_layers import Track, Via
+from studies.fabrication import (
+    array_board,
+    board_files,
+    board_layers,
+    circuit_board,
+    kicad_schematic,
+    parts_list,
+    track_router,
+)
+from studies.fabrication.board_layers import Board, NoRoom, Pad, Part, Terminal, Track, Via, check_rules
 from studies.fabrication.sensor_solids import FabricationChoices
 from studies.parts import catalogues
 from studies.validation.devices import board_check
@@ -334,6 +343,65 @@ def test_a_base_narrower_than_its_header_is_refused():
     plan = dataclasses.replace(base.plan(TIP, ROUND, "sla"), half=2.5)
     with pytest.raises(BadInput, match=r"a base of 5 mm is too narrow for a header of 4 pins, which needs 6.71 mm"):
         circuit_board.wired(TIP, plan)
+
+
+# Arrays
+
+
+PAIR = Design(hall_layout="tlv493d-a1b6", l0=8.0)
+
+
+def test_an_array_has_all_chips_on_one_board_with_a_bus_for_each_set_of_addresses():
+    """Two addresses for four chips: two channels of a switch, each with both supplies; every net is joined."""
+    array = grid_array(PAIR, 2, 2, 12.0)
+    made = array_board.board(base.array_plan(array, base.Base()))
+    parts = by_name(made)
+    for k, (x, y) in enumerate(array.places.tolist()):
+        chip = parts[f"U{k + 1}"]
+        assert chip.at == (x, y)
+        nets = {pad.net for pad in chip.pads}
+        assert nets == {f"SD{k // 2}", f"SC{k // 2}", f"VDD{k % 2 + 1}", "GND"}
+    assert made.addresses == ("0x5E", "0x1F") * 2
+    assert made.channels == (0, 0, 1, 1)
+    switch = {pad.number: pad.net for pad in parts["U5"].pads}
+    assert [switch[str(k)] for k in (1, 2, 3, 4, 5, 6, 7, 8, 12, 21, 22, 23, 24)] == (
+        ["GND", "GND", "RESET", "SD0", "SC0", "SD1", "SC1", "", "GND", "GND", "SCL", "SDA", "VDD2"]
+    )
+    pulled = {part.pads[1].net for part in made.parts if part.reference[0] == "R"}
+    assert pulled == {"RESET", "SDA", "SCL", "SD0", "SC0", "SD1", "SC1"}
+    assert board_check.nets_in(kicad_schematic.schematic(made, "array")) == board_check.nets_of(made)
+    # all that the list of parts counts is on the board before its tracks are found
+    whole = base.array_plan(array, base.Base())
+    assert board_files.bill(parts_list.board_of(PAIR, whole.one, whole)) == board_files.bill(made)
+
+
+def test_an_array_that_no_board_holds_is_refused():
+    many = dataclasses.replace(PAIR, hall_layout="tle493d-w2b6")
+    with pytest.raises(BadInput, match="36 chips tle493d-w2b6 are more than 8 buses of 4 addresses hold, 32"):
+        array_board.board(base.array_plan(grid_array(many, 6, 6, 12.0), base.Base()))
+    with pytest.raises(BadInput, match=r"thickness of the board must be 0.8 or 1.6 mm; got 1 mm"):
+        array_board.board(base.array_plan(grid_array(PAIR, 1, 2, 12.0), base.Base()), 1.0)
+
+
+def test_tracks_are_found_round_others_and_through_the_board_or_not_at_all():
+    """A ring on both faces shuts a place in; on one face a via leads out of it."""
+    edges, area = circuit_board.rectangle((-6.0, -6.0, 6.0, 6.0), (-2.0, -8.0, 2.0))
+    corners = ((-2.0, -2.0), (2.0, -2.0), (2.0, 2.0), (-2.0, 2.0), (-2.0, -2.0))
+    header = Part(
+        "J1", "", "", (0.0, -7.0), 0.0, False, (Pad("1", "", (0.0, -7.0), (1.0, 1.0), 0.6),), (0, -7, 0, -7, 1)
+    )
+    ends = [Terminal("A", at, (True, False)) for at in ((0.0, 0.0), (4.0, 0.0))]
+    for faces, vias in (((False,), 2), ((False, True), None)):
+        ring = tuple(Track("GND", below, corners) for below in faces)
+        made = Board(1.6, edges, area, (), (), (header,), ring, (), ())
+        if vias is None:
+            with pytest.raises(NoRoom, match="no way is left for the net A"):
+                track_router.routed(made, ends)
+            continue
+        found, through = track_router.routed(made, ends)
+        assert len(through) == vias
+        check_rules(dataclasses.replace(made, tracks=(*ring, *found), vias=tuple(through)))
+        assert {found[0].points[0], found[-1].points[-1]} == {end.at for end in ends}
 
 
 # The list of parts

@@ -81,12 +81,12 @@ def cad(call: Call, *, out: Path, fabrication: Fabrication = Fabrication()) -> i
     return publish(study, call.screen)
 
 
-@verb("source sets wide as_json")
+@verb("source sets wide as_json", arrays=True)
 def board(call: Call, *, out: Path, thickness: float = 1.6, fabrication: Fabrication = Fabrication()) -> int:
     """Make the circuit board under the base: KiCad project, Gerber files, lists for order and assembly, picture.
 
-    The Hall parts are at the places of the design, with capacitors, pull-ups and a header. parts.csv lists all that
-    the whole sensor needs; start with BOARD.md in the folder.
+    The Hall parts are at the places of the design, or of all beams of an array, with capacitors, pull-ups and a
+    header. parts.csv lists all that the whole sensor needs; start with BOARD.md in the folder.
 
     Parameters
     ----------
@@ -95,16 +95,25 @@ def board(call: Call, *, out: Path, thickness: float = 1.6, fabrication: Fabrica
     thickness
         Thickness of the board, 0.8 or 1.6 mm.
     """
-    from studies.fabrication import board_files, circuit_board, sensor_solids
+    from geometry import base
+    from studies.fabrication import array_board, board_files, circuit_board, sensor_solids
     from studies.parts import catalogues
+    from studies.sensing import array_readings
 
     if fabrication.axis:
         raise BadInput("board takes no --axis: make one board for each design")
     design, here = call.design(), call.here(board_files.FILES)
     mix = catalogues.mix_named(fabrication.silicone, design.silicone)
-    choices = sensor_solids.parse_fabrication_choices(fabrication, mix, user_input.fabrication_of(call.source))
-    plan, made = circuit_board.plan_and_board(design, choices.base, choices.mold.process, thickness)
+    given, array = user_input.fabrication_of(call.source), array_readings.stated_array(call.source, design)
+    choices = sensor_solids.parse_fabrication_choices(fabrication, mix, given, array=array)
     title = f"{Path(call.source).stem}: {design.hall_layout}"
+    if array:
+        whole = base.array_plan(array, choices.base, choices.mold.process)
+        made = array_board.board(whole, thickness)
+        return publish(
+            lambda progress: board_files.study(design, choices, whole.one, made, title, progress, whole), here
+        )
+    plan, made = circuit_board.plan_and_board(design, choices.base, choices.mold.process, thickness)
     return publish(lambda progress: board_files.study(design, choices, plan, made, title, progress), here)
 
 

@@ -18,15 +18,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from geometry.arrays import Point
-from geometry.base import Plan
+from geometry.base import ArrayPlan, Plan
 from geometry.design import Design
 from geometry.messages import Progress
 from studies.fabrication import parts_list
+from studies.fabrication.array_board import SWITCH
 from studies.fabrication.board_layers import (
     CLEARANCE,
     DRILL,
     EDGE,
     HOLE_GAP,
+    HOLES_APART,
     LETTER,
     MASK,
     PEN,
@@ -125,7 +127,7 @@ def kicad_project() -> str:
         "min_via_annular_width": (VIA - DRILL) / 2,
         "min_copper_edge_clearance": EDGE,
         "min_hole_clearance": HOLE_GAP,
-        "min_hole_to_hole": 0.25,
+        "min_hole_to_hole": HOLES_APART,
         "min_silk_clearance": 0.0,
     }
     own = {"name": "Default", "clearance": CLEARANCE, "track_width": TRACK, "via_diameter": VIA, "via_drill": DRILL}
@@ -503,17 +505,23 @@ FILES = (PROJECT, SCHEMATIC, BOARD, GERBERS, PICTURE, PAGE, "bom.csv", "position
 
 
 def study(
-    design: Design, choices: FabricationChoices, plan: Plan, made: Board, title: str, progress: Progress
+    design: Design,
+    choices: FabricationChoices,
+    plan: Plan,
+    made: Board,
+    title: str,
+    progress: Progress,
+    whole: ArrayPlan | None = None,
 ) -> Result:
     """Return the board of a design with its files, and the list of all parts of the sensor.
 
-    plan, made : of the base, and the board of this plan.
+    plan, made : of the base, and the board of this plan, or of `whole`, the base of an array.
     """
     progress(0.0, "Gerber and Excellon")
     archive = gerber_zip(layer_stack(made))
     progress(0.2, "volumes of the printed parts")
     volumes = parts_list.printed_volumes(design, choices)
-    parts = parts_list.rows(design, choices, plan, volumes, made)
+    parts = parts_list.rows(design, choices, plan, volumes, made, whole)
     progress(0.8, "picture")
     image = picture(made, title)
     left, low, right, high = made.area.bounds
@@ -525,14 +533,18 @@ def study(
         "header": made.labels,
         "supply_V": made.supply,
         "addresses": made.addresses,
+        "channels": made.channels,
         "warnings": list(made.warnings),
     }
-    chips = [part for part in made.parts if part.reference[0] in "US"]
+    chips = [part for part in made.parts if part.reference[0] in "US" and part.order != SWITCH["order"]]
     page = page_templates.rendered(
         Path(__file__).with_name("BOARD.md.j2"),
         made=made,
         row=row,
         chips=chips,
+        whole=whole,
+        each=int(design.chip_count),
+        switch=SWITCH if made.channels else None,
         title=title,
         picture=PICTURE,
         least={"track": TRACK, "gap": CLEARANCE, "hole": DRILL},
@@ -558,7 +570,10 @@ def study(
 
 def _wiring(made: Board) -> str:
     low, high = made.supply
-    bus = f" I2C addresses: {', '.join(made.addresses)}." if made.addresses else ""
+    bus = f" I2C addresses: {', '.join(dict.fromkeys(made.addresses))}" if made.addresses else ""
+    if made.channels:
+        bus += f", on {max(made.channels) + 1} channels of the switch at {SWITCH['address']}"
+    bus += "." if bus else ""
     return f"Header, pin 1 first: {', '.join(made.labels)}; supply {low:g} to {high:g} V.{bus}"
 
 

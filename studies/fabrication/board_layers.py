@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 
 TRACK, CLEARANCE, VIA, DRILL = 0.2, 0.15, 0.5, 0.3
 """Width of a track, gap between nets, and diameters of a via and of its hole: what low-cost makers offer."""
-EDGE, HOLE_GAP = 0.3, 0.25
-"""Gaps between copper and the board's edge, and between copper and a hole for a screw."""
+EDGE, HOLE_GAP, HOLES_APART = 0.3, 0.25, 0.25
+"""Gaps between copper and the board's edge, between copper and a hole for a screw, and between two holes."""
 POUR_GAP, SPOKE, SLIVER = 0.2, 0.3, 0.2
 """Of the ground: gap to other nets and round pads, width of the spokes that hold a pad, and its least width."""
 ROUND = 3e-3
@@ -114,6 +114,15 @@ class Via:
 
 
 @dataclass(frozen=True, slots=True)
+class Terminal:
+    """What a net must reach: a place on the upper face, the lower one, or both as a plated hole."""
+
+    net: str
+    at: Point
+    faces: tuple[bool, bool] = (True, True)
+
+
+@dataclass(frozen=True, slots=True)
 class Edge:
     """A part of the outline: a line from start to end, or an arc through `middle`."""
 
@@ -134,7 +143,8 @@ class Board:
     ink : lines of the silkscreen on the upper face.
     pours : the ground of the upper and of the lower face.
     labels : of the header's pins, in order.
-    addresses : of the chips on the bus, in order.
+    addresses : of the chips on their buses, in order.
+    channels : of the switch between the buses, for each chip; none of chips on one bus.
     warnings : what is assumed.
     """
 
@@ -148,6 +158,7 @@ class Board:
     vias: tuple[Via, ...]
     labels: tuple[str, ...]
     addresses: tuple[str, ...] = ()
+    channels: tuple[int, ...] = ()
     supply: tuple[float, float] = (0.0, 0.0)
     ink: tuple[tuple[Point, ...], ...] = ()
     pours: tuple[tuple[Polygon, ...], tuple[Polygon, ...]] = ((), ())
@@ -208,7 +219,9 @@ def check_rules(made: Board) -> None:
         for name, hole in holes:
             if piece.shape.distance(hole) < HOLE_GAP - 1e-6:
                 raise NoRoom(f"{piece.name} would be nearer than {HOLE_GAP:g} mm to the {name}")
-    for one, other in itertools.combinations(pieces, 2):
+    tree = shapely.STRtree([piece.shape for piece in pieces])
+    near = tree.query([piece.shape for piece in pieces], "dwithin", CLEARANCE)
+    for one, other in ((pieces[i], pieces[j]) for i, j in near.T.tolist() if i < j):
         if one.net != other.net and any(a and b for a, b in zip(one.faces, other.faces, strict=True)):
             gap = one.shape.distance(other.shape)
             if gap < CLEARANCE - 1e-4:

@@ -150,10 +150,18 @@ def board(design: Design, plan: Plan, thickness: float = BOARDS[0]) -> Board:
     BadInput
         The thickness, a missing footprint or address, or too little room for parts or tracks.
     """
+    check_thickness(thickness)
+    return finished(wired(design, plan, thickness))
+
+
+def check_thickness(thickness: float) -> None:
     if thickness not in BOARDS:
         allowed = " or ".join(f"{each:g}" for each in sorted(BOARDS))
         raise BadInput(f"thickness of the board must be {allowed} mm; got {thickness:g} mm")
-    made = wired(design, plan, thickness)
+
+
+def finished(made: Board) -> Board:
+    """Return a wired board with its ground, all of whose nets are joined, and its silkscreen."""
     ground = board_layers.pour(made, below=False), board_layers.pour(made, below=True)
     made = dataclasses.replace(made, pours=ground)
     board_layers.check_joined(made)
@@ -164,10 +172,10 @@ def wired(design: Design, plan: Plan, thickness: float = BOARDS[0]) -> Board:
     """Return the board without ground and silkscreen; BadInput as `board`."""
     circuit = circuit_of(design)
     made = _analogue(design, plan, circuit) if design.hall_layout == "three" else _digital(design, plan, circuit)
-    return dataclasses.replace(made, thickness=thickness, warnings=tuple(_warnings(design, circuit)))
+    return dataclasses.replace(made, thickness=thickness, warnings=tuple(assumptions(design, circuit)))
 
 
-def _warnings(design: Design, circuit: Circuit) -> Iterator[str]:
+def assumptions(design: Design, circuit: Circuit) -> Iterator[str]:
     name = "the one-axis elements" if design.hall_layout == "three" else design.chip.name
     if circuit.assumed:
         yield f"{', '.join(circuit.assumed)} of {name} are assumed: compare them with the data sheet before you order"
@@ -183,26 +191,40 @@ def _warnings(design: Design, circuit: Circuit) -> Iterator[str]:
 
 
 def _drawn(plan: Plan, header: Header, parts: Sequence[Part], **more: Any) -> Board:
-    """Return the board with its outline, holes and header, without ground and silkscreen; rules are checked."""
-    edges, area = _outline(plan, header)
-    holes = tuple((x, y, plan.screw) for x, y in plan.screws)
+    """Return the board of one beam, without ground and silkscreen; rules are checked."""
+    made = unchecked(0.0, _outline(plan, header), plan, [(0.0, 0.0)], plan.screws, header, parts, **more)
+    board_layers.check_rules(made)
+    return made
+
+
+def unchecked(
+    thickness: float,
+    outline: tuple[tuple[Edge, ...], Polygon],
+    plan: Plan,
+    beams: Sequence[Point],
+    screws: Sequence[Point],
+    header: Header,
+    parts: Sequence[Part],
+    **more: Any,
+) -> Board:
+    """Return a board under beams whose base has the pockets of a plan, with holes and header, not yet checked."""
+    edges, area = outline
     pockets = tuple(
-        (b.corner[0], b.corner[1], b.corner[0] + b.sides[0], b.corner[1] + b.sides[1])
+        (x + b.corner[0], y + b.corner[1], x + b.corner[0] + b.sides[0], y + b.corner[1] + b.sides[1])
+        for x, y in beams
         for group in (plan.seats.bodies, plan.seats.passages)
         for b in group.values()
     )
-    made = Board(
-        thickness=0.0,
+    return Board(
+        thickness=thickness,
         outline=edges,
         area=area,
-        holes=holes,
+        holes=tuple((x, y, plan.screw) for x, y in screws),
         pockets=pockets,
         parts=(*parts, header.part()),
         labels=header.nets,
         **more,
     )
-    board_layers.check_rules(made)
-    return made
 
 
 # Header and outline
@@ -285,7 +307,18 @@ def _outline(plan: Plan, header: Header) -> tuple[tuple[Edge, ...], Polygon]:
         corners = [ends[1], (left, low), (right, low), ends[0]]
         lines = [Edge(a, b) for a, b in itertools.pairwise(corners)]
         return (*lines, Edge(ends[0], ends[1], arc[256])), shapely.Polygon([*corners[:-1], *arc[:-1]])
-    corners = [(left, -h), (left, low), (right, low), (right, -h), (h, -h), (h, h), (-h, h), (-h, -h)]
+    return rectangle((-h, -h, h, h), (left, low, right))
+
+
+def rectangle(
+    box: tuple[float, float, float, float], tab: tuple[float, float, float]
+) -> tuple[tuple[Edge, ...], Polygon]:
+    """Return the outline of a rectangle, its least x and y and greatest x and y, with a tab: left, low and right."""
+    import shapely
+
+    (west, south, east, north), (left, low, right) = box, tab
+    upper = [(east, south), (east, north), (west, north), (west, south)]
+    corners = list(dict.fromkeys([(left, south), (left, low), (right, low), (right, south), *upper]))
     return tuple(Edge(a, b) for a, b in itertools.pairwise([*corners, corners[0]])), shapely.Polygon(corners)
 
 
@@ -305,7 +338,7 @@ def _to_header(header: Header, columns: dict[str, Point]) -> list[Track]:
     return tracks
 
 
-def _passive(reference: str, value: str, nets: tuple[str, str], at: Point, upright: bool = False) -> Part:
+def passive(reference: str, value: str, nets: tuple[str, str], at: Point, upright: bool = False) -> Part:
     """Return a capacitor or resistor of size 0603 on the lower face: first pad at the greater x, or the greater y."""
     x, y = at
     size = (0.95, 0.8) if upright else (0.8, 0.95)
@@ -356,8 +389,8 @@ def _analogue(design: Design, plan: Plan, circuit: Circuit) -> Board:
         Track("VDD", True, ((header.x("VDD"), header.high - EDGE), (header.x("VDD"), header.y))),
     ]
     caps = [
-        _passive("C1", CAPACITOR, ("VDD", "GND"), (bend + 1.3, y - 0.775), upright=True),
-        _passive("C2", CAPACITOR, ("VDD", "GND"), (middle - 1.6, y - 0.775), upright=True),
+        passive("C1", CAPACITOR, ("VDD", "GND"), (bend + 1.3, y - 0.775), upright=True),
+        passive("C2", CAPACITOR, ("VDD", "GND"), (middle - 1.6, y - 0.775), upright=True),
     ]
     # the columns keep clear of the screws at the corners
     lanes = {"S1": -2 * p.pitch, "S3": p.pitch, "S2": 2 * p.pitch}
@@ -372,7 +405,7 @@ def _analogue(design: Design, plan: Plan, circuit: Circuit) -> Board:
     tracks = (*supply, *outputs, *_to_header(header, ends))
     # that of S3 is on the supply's column, below S3 or, where S1's capacitor is too near, below that
     for place in (middle - 1.6, -1.8):
-        third = _passive("C3", CAPACITOR, ("GND", "VDD"), (column + 0.775, place))
+        third = passive("C3", CAPACITOR, ("GND", "VDD"), (column + 0.775, place))
         try:
             return _drawn(plan, header, [*elements, *caps, third], tracks=tracks, vias=(), supply=circuit.supply)
         except NoRoom as error:
@@ -390,7 +423,7 @@ def _digital(design: Design, plan: Plan, circuit: Circuit) -> Board:
     half = chip.pads.size[0] / 2 + (CLEARANCE + VIA + 0.05 if chip.pads.centre else 0.0)
     across = sorted({x for x, _ in hall_elements.chip_centres(design).values()})
     # of two supplies, that of the chip on the left is the left column
-    first, *others = reversed(dict.fromkeys(names := _supplies(circuit, count)))
+    first, *others = reversed(dict.fromkeys(names := supplies(circuit, count)))
     nets = [first, "SDA", "SCL", *others]
     room = half + CLEARANCE + VIA / 2 + (len(nets) - 1) * COLUMN / 2
     lanes = [(a + b) / 2 for a, b in itertools.pairwise(across)] + [across[-1] + room, across[0] - room]
@@ -403,7 +436,7 @@ def _digital(design: Design, plan: Plan, circuit: Circuit) -> Board:
     raise broken[0]
 
 
-def _supplies(circuit: Circuit, count: int) -> list[str]:
+def supplies(circuit: Circuit, count: int) -> list[str]:
     """Return the supply of each chip: one for all, unless the address is what SDA shows when the supply rises."""
     if circuit.addressed_by == "supply" and count > 1:
         return [f"VDD{k}" for k in range(1, count + 1)]
@@ -422,8 +455,8 @@ def _bus(
     vias: list[Via] = []
     top = dict.fromkeys(nets, -math.inf)
     for k, (x, y) in enumerate(hall_elements.chip_centres(design).values()):
-        part = _chip(design, circuit, names, k, (x, y))
-        wired = _four_rows(part, names[k], pads, lane) if pads.centre else _two_rows(part, names[k], pads, lane)
+        part = chip_part(design, circuit, names[k], k, f"U{k + 1}", (x, y))
+        wired = wired_chip(part, names[k], pads, lane)
         parts += [part, wired.capacitor]
         tracks += wired.tracks
         for net, end in wired.ends.items():
@@ -435,7 +468,7 @@ def _bus(
     ends = {net: (columns[net], header.high) for net in nets}
     tracks += [Track(net, False, ((columns[net], top[net]), ends[net])) for net in nets]
     tracks += _to_header(header, ends)
-    pull = _pull_ups(header, nets[0])
+    pull = pull_ups(header, nets[0])
     return _drawn(
         plan,
         header,
@@ -457,11 +490,16 @@ class Wired:
     ends: dict[str, Point]
 
 
-def _chip(design: Design, circuit: Circuit, names: Sequence[str], k: int, at: Point) -> Part:
-    """Return the k-th chip; pins A0 and A1 of one that is addressed by pins are the bits of its number."""
-    straps = {"VDD": names[k]}
+def wired_chip(part: Part, supply: str, pads: Pads, lane: float) -> Wired:
+    """Return what joins a chip to a bus on the side of x = `lane`."""
+    return (_four_rows if pads.centre else _two_rows)(part, supply, pads, lane)
+
+
+def chip_part(design: Design, circuit: Circuit, supply: str, k: int, name: str, at: Point) -> Part:
+    """Return a chip with the k-th address; pins A0 and A1 of one that is addressed by pins are the bits of k."""
+    straps = {"VDD": supply}
     if circuit.addressed_by == "pins":
-        straps |= {f"A{bit}": names[k] if k >> bit & 1 else "GND" for bit in (0, 1)}
+        straps |= {f"A{bit}": supply if k >> bit & 1 else "GND" for bit in (0, 1)}
     boxes = design.chip.pads.boxes() if design.chip.pads else []
     pads = tuple(
         Pad(str(number), straps.get(net, net), (at[0] + u, at[1] + v), (wide, deep))
@@ -469,7 +507,7 @@ def _chip(design: Design, circuit: Circuit, names: Sequence[str], k: int, at: Po
     )
     (x, y), (a, b, tall), order = at, design.chip.body, circuit.orders[k]
     body = (x - a / 2, y - b / 2, x + a / 2, y + b / 2, tall)
-    return Part(f"U{k + 1}", order, circuit.package, at, circuit.turn, False, pads, body, order)
+    return Part(name, order, circuit.package, at, circuit.turn, False, pads, body, order)
 
 
 def _two_rows(part: Part, supply: str, p: Pads, lane: float) -> Wired:
@@ -493,7 +531,7 @@ def _two_rows(part: Part, supply: str, p: Pads, lane: float) -> Wired:
     # a bus on the left takes that place, and leaves the one under the body
     ground = (x + p.pitch / 2, y) if lane < x else beyond
     tracks.append(Track("GND", True, ((cap[0] - 0.775, cap[1]), ground)))
-    capacitor = _passive(f"C{part.reference[1:]}", CAPACITOR, (supply, "GND"), cap)
+    capacitor = passive(f"C{part.reference[1:]}", CAPACITOR, (supply, "GND"), cap)
     return Wired(capacitor, tracks, [Via("GND", ground)], ends)
 
 
@@ -534,19 +572,19 @@ def _four_rows(part: Part, supply: str, p: Pads, lane: float) -> Wired:
     ground = (cap[0] - 0.775, y + 0.4)
     tracks.append(Track(supply, True, (high, (right, cap[1]), (cap[0] + 0.775, cap[1]))))
     tracks.append(Track("GND", True, ((cap[0] - 0.775, cap[1]), ground)))
-    capacitor = _passive(f"C{part.reference[1:]}", CAPACITOR, (supply, "GND"), cap)
+    capacitor = passive(f"C{part.reference[1:]}", CAPACITOR, (supply, "GND"), cap)
     start, other = (low, high) if lane < x else (high, low)
     return Wired(capacitor, tracks, [Via("GND", ground), Via(supply, other)], ends | {supply: start})
 
 
-def _pull_ups(header: Header, supply: str) -> tuple[list[Part], list[Track]]:
+def pull_ups(header: Header, supply: str) -> tuple[list[Part], list[Track]]:
     """Return the two resistors of the bus on the lower face of the tab, and their tracks."""
     y = header.y + header.pad[0] / 2 + CLEARANCE + 1.4
     aside = max(0.0, (1.6 - header.pitch) / 2)
     parts, tracks = [], []
     for k, (net, side) in enumerate((("SDA", -1), ("SCL", 1)), 1):
         x, pin = header.x(net) + side * aside, (header.x(net), header.y)
-        parts.append(_passive(f"R{k}", PULL_UP, (supply, net), (x, y), upright=True))
+        parts.append(passive(f"R{k}", PULL_UP, (supply, net), (x, y), upright=True))
         tracks.append(Track(net, True, (pin, (pin[0], y - 0.775 - aside), (x, y - 0.775))))
         tracks.append(Track(supply, True, ((header.x(supply), y + 0.775), (x, y + 0.775))))
     start = header.x(supply)

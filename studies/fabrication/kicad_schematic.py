@@ -8,6 +8,7 @@ sources of power; what matters is that every pin has its net, or a cross where i
 from __future__ import annotations
 
 import json
+import math
 import uuid
 from collections.abc import Iterator, Sequence
 from typing import Any
@@ -29,14 +30,14 @@ def schematic(made: Board, title: str) -> str:
     """Return the text of the schematic's file (.kicad_sch)."""
     places = dict(_places(made.parts))
     comments = [f"supply {made.supply[0]:g} to {made.supply[1]:g} V"]
-    comments += [f"I2C addresses {', '.join(made.addresses)}"] if made.addresses else []
+    comments += [f"I2C addresses {', '.join(dict.fromkeys(made.addresses))}"] if made.addresses else []
     words = (["comment", number, quoted(comment)] for number, comment in enumerate(comments, 1))
     heading = ["title_block", ["title", quoted(title)], *words]
     body: list[Expression] = [
         ["version", 20211123],
         ["generator", "magtip"],
         ["uuid", identity("schematic", title)],
-        ["paper", '"A4"'],
+        ["paper", *_paper(made.parts)],
         heading,
         ["lib_symbols", *(_symbol(part) for part in made.parts)],
     ]
@@ -47,6 +48,12 @@ def schematic(made: Board, title: str) -> str:
     body.append(["sheet_instances", ["path", '"/"', ["page", '"1"']]])
     body.append(["symbol_instances", *(_listed(part) for part in made.parts)])
     return text_of(["kicad_sch", *body]) + "\n"
+
+
+def _paper(parts: Sequence[Part]) -> list[str | float]:
+    """Return the size of the sheet: A4, or as high as the columns of many parts."""
+    lowest = max(y + _high(next(part for part in parts if part.reference == name)) for name, (_, y) in _places(parts))
+    return ['"A4"'] if lowest + TOP <= 210 else ['"User"', 297.0, math.ceil(lowest + TOP)]
 
 
 def path_of(part: Part) -> str:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from geometry.base import BOARDS, ArrayPlan, Plan, base_screw, screw_thread
 from geometry.design import BadInput, Design
 from geometry.fabrication.breakout_boards import BREAKOUTS
-from studies.fabrication import casting_recipe, circuit_board
+from studies.fabrication import array_board, casting_recipe, circuit_board
 from studies.fabrication.sensor_solids import FabricationChoices
 from studies.output.records import FlatRow
 from studies.parts import catalogues
@@ -48,7 +48,9 @@ PRINTED = (
 def board_of(design: Design, plan: Plan | None, whole: ArrayPlan | None = None) -> Board | None:
     """Return the board of a design, or of all beams of an array, without its ground; None if none can be drawn."""
     try:
-        return circuit_board.wired(design, plan) if plan and not whole else None
+        if whole:
+            return array_board.placed(whole)[0]
+        return circuit_board.wired(design, plan) if plan else None
     except BadInput:
         return None
 

@@ -7,6 +7,7 @@ the board; it is read by the places of its pins and labels.
 """
 
 import io
+import itertools
 import json
 import math
 import shutil
@@ -15,18 +16,19 @@ import tempfile
 import tomllib
 import warnings
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 from geometry import base
+from geometry.array_design import grid_array
+from geometry.arrays import Point
 from geometry.bad_input import BadInput
-from geometry.base import Plan
 from geometry.cad import element_positions
 from geometry.design import Design, preset
 from geometry.fabrication.hall_elements import SS495A
 from geometry.messages import Progress
-from studies.fabrication import board_files, circuit_board
+from studies.fabrication import array_board, board_files, circuit_board
 from studies.fabrication.board_layers import Board
 from studies.fabrication.kicad_schematic import schematic
 from studies.output.goals import Goal
@@ -43,7 +45,7 @@ LARGEST_AREA = 3.0
 
 
 def run(progress: Progress, *, quick: bool = False) -> Result:
-    """Check boards with one to four Hall parts by KiCad; exit status 3 for a broken rule or another shape.
+    """Check boards of one beam and of arrays by KiCad; exit status 3 for a broken rule or another shape.
 
     Parameters
     ----------
@@ -93,8 +95,18 @@ def kicad_python() -> str:
 def checked(case: dict[str, Any], python: str) -> Row:
     """Return what KiCad finds in the board of a case, and how its files differ from ours."""
     design = preset(case["design"], **case.get("fields", {}))
-    plan = base.plan(design, base.Base(**case.get("base", {})), case.get("process", "fdm"))
-    made = circuit_board.board(design, plan, case.get("thickness", 1.6))
+    choices, process, thickness = (
+        base.Base(**case.get("base", {})),
+        case.get("process", "fdm"),
+        case.get("thickness", 1.6),
+    )
+    beams = [(0.0, 0.0)]
+    if grid := case.get("array"):
+        whole = base.array_plan(grid_array(design, *grid), choices, process)
+        plan, made, beams = whole.one, array_board.board(whole, thickness), whole.array.places.tolist()
+    else:
+        plan = base.plan(design, choices, process)
+        made = circuit_board.board(design, plan, thickness)
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder, board_files.BOARD)
         file.write_text(board_files.kicad_board(made, case["name"]), "utf-8")
@@ -116,7 +128,7 @@ def checked(case: dict[str, Any], python: str) -> Row:
         "other_shapes": shapes,
         "other_holes": holes,
         "other_nets": len(nets_of(made).items() ^ nets_in(schematic(made, case["name"])).items()),
-        "off_um": 1e3 * max(off(design, plan, made, found["places"])),
+        "off_um": 1e3 * max(off(design, beams, found["places"])),
         "area_off_percent": 100 * max(abs(ours / theirs - 1) for ours, theirs in areas),
         "said": "; ".join(sorted({*found["loaded"], *found["refilled"]})),
     }
@@ -162,14 +174,14 @@ def nets_in(text: str) -> dict[tuple[str, str], str]:
     return found | {("", net): net for net in ends.values()}
 
 
-def off(design: Design, plan: Plan, made: Board, places: dict[str, list[float]]) -> Iterator[float]:
-    """Yield the distances of sensitive volumes on KiCad's board from their places in the design, mm."""
+def off(design: Design, beams: Sequence[Point], places: dict[str, list[float]]) -> Iterator[float]:
+    """Yield the distances of sensitive volumes on KiCad's board from their places below the beams, mm."""
     at = element_positions(design)
     if design.hall_layout != "three":
         u, v = design.chip.plate_at
-        for k, (x, y, _) in enumerate(at[::3], 1):
+        for k, ((p, q), (x, y, _)) in enumerate(itertools.product(beams, at[::3]), 1):
             a, b, _ = places[f"U{k}"]
-            yield math.dist((a + u, b + v), (x, y))
+            yield math.dist((a + u, b + v), (p + x, q + y))
         return
     # S2 and S3 stand on their leads, which are in the middle of the body; S1 lies, 2 mm before the bend of its leads
     behind = SS495A.thickness / 2 - SS495A.depth
