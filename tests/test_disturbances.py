@@ -2,13 +2,10 @@
 
 import json
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
-import skfem
 from scipy.stats import qmc
-from skfem.helpers import dot, grad
 
 from analytic import surroundings
 from analytic.hall import field_at
@@ -44,46 +41,6 @@ def test_field_and_image_meet_a_perfect_iron_at_right_angles():
 
 def test_points_in_the_iron_have_no_field():
     assert np.isnan(IronPlane(DESIGN, np.array([0.0, 0.0, -1.0]), UP)(POINTS, REST)[0, 0]).all()
-
-
-def block_field(permeability, top, points):
-    """B_z, T, on the axis (z, mm) of an axial magnet of 1 T over an iron block, by the scalar potential.
-
-    H = -grad phi, div (mu H + J) = 0, in a box so large that it does not matter to what the iron adds.
-    """
-    grown = np.concatenate([np.arange(0, 6, 0.25), 6 * 1.1 ** np.arange(40)])
-    below = top - np.concatenate([[0.0], 0.25 * 1.12 ** np.arange(45)])
-    r, z = np.unique(grown), np.unique(np.concatenate([below, np.arange(top, 6, 0.25), 6 * 1.1 ** np.arange(40)]))
-    mesh = skfem.MeshQuad.init_tensor(r, z)
-    basis = skfem.Basis(mesh, skfem.ElementQuad2(), intorder=4)
-
-    @skfem.BilinearForm
-    def stiffness(u, v, w):
-        mu = np.where(w.x[1] < top, permeability, 1.0)
-        return mu * dot(grad(u), grad(v)) * w.x[0]
-
-    @skfem.LinearForm
-    def poles(v, w):
-        inside = (w.x[0] < 2.0) & (np.abs(w.x[1]) < 2.0)
-        return inside * grad(v)[1] * w.x[0]
-
-    outer = basis.get_dofs(lambda x: (x[0] > r[-1] - 1e-6) | (np.abs(x[1]) > 0.99 * min(-z[0], z[-1])))
-    phi = skfem.solve(*skfem.condense(stiffness.assemble(basis), poles.assemble(basis), D=outer))
-    step = 0.02
-    at = np.array([[[1e-3] * len(points), np.array(points) + side] for side in (-step, step)])
-    low, high = (basis.probes(x) @ phi for x in at)
-    return (low - high) / (2 * step)
-
-
-def test_finite_elements_of_an_iron_block_add_what_the_image_does():
-    """An axial magnet of 1 T, 4 mm across and high; the block's face 6 mm below its centre, points between them."""
-    top, points = -6.0, [-3.5, -4.5]
-    added = block_field(1000.0, top, points) - block_field(1.0, top, points)
-    # the design's north pole points down: its field is the reverse of that of a magnet along z
-    magnet = replace(DESIGN, magnet_diameter=4.0, magnet_height=4.0, remanence=1.0, magnet_edge_radius=0.0)
-    plane = IronPlane(magnet, np.array([0.0, 0.0, magnet.H + top]), UP)
-    image = -plane(np.array([[0.0, 0.0, magnet.H + z] for z in points]), REST)[0, :, 2]
-    assert added == pytest.approx(image, rel=0.01)
 
 
 def test_a_small_ball_is_the_dipole_of_its_volume():
