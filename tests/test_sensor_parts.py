@@ -228,6 +228,24 @@ def test_the_recipe_of_an_array_says_the_forces_between_its_magnets():
         assert (found["lift_N"] > 0.3 * found["pair_N"]) == lifts
 
 
+def test_design_tells_the_places_forces_and_base_of_an_array():
+    """The pull of two magnets is that of the closed form; beams that are too soft for their magnets are told."""
+    design = Design(hall_layout="tle493d-w2b6", l0=8.0)
+    array = grid_array(design, 1, 2, 14.0, ("up", "down"))
+    (record,) = design_summary.study(design, array=array).records
+    found, beams = record["array"], record["array"]["beams"]
+    assert [(row["x_mm"], row["north"]) for row in beams] == [(-7.0, "down"), (7.0, "up")]
+    pull = repulsion(design.magnet_diameter / 2, design.magnet_height, design.remanence, 14.0)
+    assert found["magnets_N"] == pytest.approx(pull, rel=1e-4)
+    assert found["base_size_mm"] == pytest.approx(record["derived"]["assembled_size_mm"][:2])
+    assert found["base_size_mm"][0] - found["base_size_mm"][1] == pytest.approx(14.0)
+    soft = dataclasses.replace(design, E=1e-3)
+    (record,) = design_summary.study(soft, array=dataclasses.replace(array, design=soft)).records
+    assert record["array"]["margin"] < 0
+    assert 14.0 < record["array"]["critical_pitch_mm"] < 100.0
+    assert any("snap together at a pitch of 14 mm" in warning for warning in record["warnings"])
+
+
 def test_an_array_is_exported_as_one_sensor(tmp_path):
     design = Design(hall_layout="tle493d-w2b6", l0=8.0)
     array = grid_array(design, 1, 2, 14.0, ("up", "down"))

@@ -34,6 +34,7 @@ def design(call: Call, *, loaded: bool = False) -> int:
     """
     from studies.fabrication.sensor_solids import parse_fabrication_choices
     from studies.parts import requirements
+    from studies.sensing import array_readings
     from studies.simulation import design_summary
 
     of_design = user_input.read_design(call.source, call.sets)
@@ -41,7 +42,8 @@ def design(call: Call, *, loaded: bool = False) -> int:
     choices = parse_fabrication_choices(Fabrication(), given=given)
     needed = requirements.stated_requirements(call.source)
     rated = needed.rated if needed else None
-    study = design_summary.study(of_design, choices.base, given.get("process"), rated, loaded=loaded)
+    array = array_readings.stated_array(call.source, of_design)
+    study = design_summary.study(of_design, choices.base, given.get("process"), rated, array, loaded=loaded)
     return show(study, call.screen)
 
 

@@ -240,6 +240,11 @@ def _held_together(array: ArrayDesign) -> float:
     return float(np.linalg.norm(beam_arrays.magnet_forces(beams, np.zeros((len(array), 3)))[0], axis=1).max())
 
 
+def stands(array: ArrayDesign) -> bool:
+    """Return whether the beams of an array hold their magnets apart."""
+    return beam_arrays.rest(beam_arrays.of_array(model(array.design), array)).margin > 0
+
+
 def gluing_order(design: Design, mold: Mold) -> list[list[int]]:
     """Return the cavities, counted from 1, whose magnets are glued in together, in their order.
 
@@ -370,7 +375,7 @@ def text(
         castings=choices.array and math.ceil(len(choices.array) / mold.cavities),
         cavity=2 * sizes(design, mold).R,
         up="N" if design.magnet_north == "down" else "S",
-        held=_held_together(choices.array) if choices.array else 0.0,
+        held=_held_together(choices.array) if choices.array and design.shape.has_magnet else 0.0,
         letters=bool(recipe["jig"]) and len(set(mold.poles)) > 1,
         rows=poles_up(design, mold) if len(set(mold.poles)) > 1 else [],
         groups=gluing_order(design, mold),

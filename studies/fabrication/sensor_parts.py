@@ -280,6 +280,11 @@ def warnings(design: Design, choices: FabricationChoices, solids: FabricatedSoli
             + " until the glue has cured (see the recipe)"
         )
     too_fine += filter(None, (solids.no_jig, solids.no_array))
+    if choices.array and design.shape.has_magnet and not casting_recipe.stands(choices.array):
+        too_fine.append(
+            f"the magnets of neighbours snap together at a pitch of {choices.array.pitch:g} mm: magtip design says "
+            "from which pitch on they do not"
+        )
     if (mix := choices.silicone) and not mix["moduli"][0] <= design.E <= mix["moduli"][1]:
         low, high = mix["moduli"]
         too_fine.append(

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
+
+import numpy as np
 
 from geometry import design_digest
 from geometry.bad_input import MeshError
@@ -14,10 +18,11 @@ from geometry.design import BadInput, Design, paper
 from geometry.messages import WARNING, Progress
 from studies.output import atomic_files, vtk_files
 from studies.output.records import FlatRow
-from studies.output.result import Result, Table
+from studies.output.result import Block, Result, Table
 from studies.quantities import shown
 
 if TYPE_CHECKING:
+    from geometry.array_design import ArrayDesign
     from geometry.base import ArrayPlan, Plan
 
 
@@ -34,6 +39,7 @@ def study(
     base: Base = Base(),
     process: str | None = None,
     rated: tuple[float, float] | None = None,
+    array: ArrayDesign | None = None,
     *,
     loaded: bool = False,
 ) -> Result:
@@ -43,6 +49,7 @@ def study(
     ----------
     process : that prints the base, if a file states one; the record has it then. None: no file does, and it is fdm.
     rated : required press force and force along the plate, N; None: none are stated.
+    array : of such beams, about which a table is added; None: a single sensor.
     loaded : whether finite elements solve for the loaded beam where the store lacks it.
     """
     from analytic.parts import average_warnings
@@ -59,12 +66,18 @@ def study(
     except BadInput as error:
         failures.append(f"the size of the assembled sensor is unknown: {error}")
         base_limits_l0 = isinstance(error, ShortOfBase)
-    derived, unknown = derived_values(design, base_plan)
+    whole: ArrayPlan | None = None
+    found: FlatRow = {}
+    beams: list[FlatRow] = []
+    if array is not None:
+        whole, found, beams, lost = of_array(array, base, process or "fdm")
+        failures += lost
+    derived, unknown = derived_values(design, whole.one if whole else base_plan, whole)
     derived |= {"process_of_base": process} if process else {}
     gap = None
     if base_plan:
         with stores.opened(None, said=not loaded) as store:
-            gap = loaded_clearance.least_gap(design, base_plan, store, rated, solve=loaded)
+            gap = loaded_clearance.least_gap(design, whole.one if whole else base_plan, store, rated, solve=loaded)
     derived |= {"loaded_gap_mm": gap and gap.value, "loaded_gap_error_mm": gap and gap.error}
     failures += unknown
     said = loaded_clearance.room(gap)
@@ -86,17 +99,90 @@ def study(
         rows.append(row)
     return Result(
         title="Design",
-        records=[dataclasses.asdict(design) | {"derived": derived, "assumed": assumed, "warnings": warnings}],
+        records=[
+            dataclasses.asdict(design)
+            | {"derived": derived, "assumed": assumed, "warnings": warnings}
+            | ({"array": found | {"beams": beams}} if array is not None else {})
+        ],
         shown=[
             Table(title="Design", rows=rows, first=tuple(rows[0])),
             Table(title="Derived", rows=[derived]),
+            *_shown_array(found, beams),
             *said,
             *(f"{WARNING}{warning}" for warning in warnings),
         ],
     )
 
 
-def derived_values(design: Design, base_plan: Plan | None) -> tuple[FlatRow, list[str]]:
+def _shown_array(found: FlatRow, beams: Sequence[FlatRow]) -> list[Block]:
+    if not found:
+        return []
+    said = "The tables of the design and of what derives from it, but the assembled size, are of one beam by itself."
+    if "critical_pitch_mm" in found:
+        critical = found["critical_pitch_mm"]
+        snap = "At no pitch from D on do" if math.isnan(critical) else f"Below a pitch of {critical:.4g} mm"
+        said = f"{snap} the magnets of neighbours snap together. {said}"
+    return [Table(title="Array", rows=[found]), Table(title="Beams", rows=beams), said]
+
+
+def of_array(
+    array: ArrayDesign, choices: Base, process: str
+) -> tuple[ArrayPlan | None, FlatRow, list[FlatRow], list[str]]:
+    """Return the plan of an array's base, what it is as a whole, a row for each beam, and sentences of what fails.
+
+    base_size_mm : sides of the one base, None where there is none.
+    neighbours_mT : largest field of the other magnets at an element at rest, which taring takes off.
+    magnets_N, magnets_shift_mm : largest force of the others on a magnet at rest, and how far that shifts it.
+    margin, critical_pitch_mm : stiffness left over that of a beam, and the pitch at which it is 0; as all that the
+        magnets do, left out without magnets.
+    """
+    from analytic import beam_arrays
+    from analytic.inverse.forward_model import model
+    from geometry.base import array_plan
+
+    said, whole = [], None
+    try:
+        whole = array_plan(array, choices, process)
+    except BadInput as error:
+        said.append(f"there is no base for the whole array: {error}")
+    found: FlatRow = {"pitch_mm": array.pitch, "base_size_mm": list(whole.sides) if whole else None}
+    beams: list[FlatRow] = [{"beam": k, "x_mm": x, "y_mm": y} for k, (x, y) in enumerate(array.places.tolist(), 1)]
+    if not array.design.shape.has_magnet:
+        return whole, found, beams, said
+    laid = beam_arrays.of_array(model(array.design), array)
+    rest, critical = beam_arrays.rest(laid), beam_arrays.critical_pitch(laid)
+    stray = beam_arrays.readings_of_array(laid, np.zeros((1, len(array), 3)), own=False)[0]
+    if not rest.margin > 0:
+        said.append(
+            f"the magnets of neighbours snap together at a pitch of {array.pitch:g} mm: take more than "
+            f"{critical:.4g} mm"
+        )
+    if inside := laid.obstructed():
+        said.append(
+            f"{inside} lies inside the beam of a neighbour at a pitch of {array.pitch:g} mm: take a larger one"
+        )
+    forces, shifts = (np.linalg.norm(each, axis=1) for each in (rest.force, rest.shift))
+    found |= {
+        "critical_pitch_mm": critical,
+        "margin": rest.margin,
+        "neighbours_mT": 1e3 * float(np.abs(stray).max()),
+        "magnets_N": float(forces.max()),
+        "magnets_shift_mm": float(shifts.max()),
+    }
+    turned = {"up": "down", "down": "up"}[array.design.magnet_north]
+    for k, row in enumerate(beams):
+        row |= {
+            "north": array.design.magnet_north if array.poles[k] > 0 else turned,
+            "neighbours_mT": 1e3 * float(np.abs(stray[k]).max()),
+            "magnets_N": float(forces[k]),
+            "magnets_shift_mm": float(shifts[k]),
+        }
+    return whole, found, beams, said
+
+
+def derived_values(
+    design: Design, base_plan: Plan | None, whole: ArrayPlan | None = None
+) -> tuple[FlatRow, list[str]]:
     """Return the derived values, and a sentence for each that is unknown or whose element is saturated.
 
     H_mm : height of the magnet's centre above the base plane.
@@ -131,7 +217,7 @@ def derived_values(design: Design, base_plan: Plan | None) -> tuple[FlatRow, lis
         "beam_volume_mm3": body,
         "magnet_volume_mm3": magnet,
         "silicone_volume_mm3": body - magnet,
-        **outer_size(design, base_plan),
+        **outer_size(design, base_plan, whole),
         **{f"S{k}_mm": position for k, position in enumerate(positions.tolist(), 1)},
         "rest_readings_T": rest and list(rest.B_T),
         "rest_readings_V": list(rest.V) if rest is not None and set(rest.units) == {"V"} else None,
