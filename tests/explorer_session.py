@@ -2,6 +2,7 @@
 
 `python tests/explorer_session.py OUT [MOVES]` writes into the folder OUT screenshots, `session.json` with 1000 random
 moves and the times from slider to picture, and the same in words, EXPLORER.md.
+`python tests/explorer_session.py --array OUT` writes the picture of an array only.
 `python tests/explorer_session.py --latency` measures these times only, in less than a minute, and prints them.
 """
 
@@ -13,6 +14,7 @@ import os
 import random
 import subprocess
 import sys
+import tempfile
 import time
 from pathlib import Path
 
@@ -228,8 +230,22 @@ def main(out, moves=1000):
             wait(sheet, SETTLED)
             (out / f"{name}.png").write_bytes(sheet.screenshot(full_page=True))
             sheet.close()
+    picture_array(out)
     (out / "session.json").write_text(json.dumps(evidence, indent=1) + "\n")
     (out / "EXPLORER.md").write_text(in_words(**evidence) + "\n")
+
+
+def picture_array(out):
+    """Write the picture of an array's panel, three of whose beams are pressed."""
+    with tempfile.TemporaryDirectory() as folder, launched() as browser:
+        file = Path(folder, "array.toml")
+        file.write_text('base = "paper"\n[array]\nrows = 3\ncolumns = 3\npitch = 12.0\npolarity = "checkerboard"\n')
+        with server(design=file) as (_, address):
+            sheet = opened(browser, f"{address}{ARRAY}", 1300, 900)
+            wait(sheet, SETTLED)
+            # the bar of the page would lie on it
+            sheet.set_viewport_size({"width": 1300, "height": 1800})
+            (out / "array.png").write_bytes(sheet.locator("#array-panel").screenshot())
 
 
 def in_words(**evidence):
@@ -265,9 +281,13 @@ SCREENS = (
     ("narrow", 390, "#preset=paper&depth=1.5&frequency=100&speed=2"),
 )
 """Screenshots: name, width in pixels, state of the address."""
+ARRAY = "#preset=paper&beam=5&depth=1&shear=0.6&direction=30&beam_loads=1:1.5,0.5,0%203:0.8,0.4,-120%208:1,0.5,90"
+"""State of an array in its picture."""
 
 if __name__ == "__main__":
     if sys.argv[1] == "--latency":
         print(in_words(slider_to_picture=latency()))
+    elif sys.argv[1] == "--array":
+        picture_array(Path(sys.argv[2]))
     else:
         main(Path(sys.argv[1]), int(sys.argv[2]) if len(sys.argv) > 2 else 1000)

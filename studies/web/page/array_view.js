@@ -129,7 +129,7 @@ const ArrayView = (() => {
     const length = sample * at.perNewton;
     const scale = sample
       ? `${arrow("jointly", 205, y + 62, length, 0)}` +
-        `<text x="${212 + length}" y="${y + 66}">${short(sample, 2)} N</text>`
+        `<text x="${212 + length}" y="${y + 66}">scale: ${short(sample, 2)} N</text>`
       : "";
     const title = `<text x="205" y="${y - 6}">force along the plate: ${sample ? "arrows" : "none"}</text>`;
     return `<g class="legend" aria-hidden="true">${at.end ? bar : ""}${title}${lines.join("")}${scale}</g>`;
