@@ -1,7 +1,7 @@
 """Decoding of an array's frames one after the other: all beams jointly, each with a time series of its own.
 
-A frame starts from the poses of the one before. Where these do not lead to poses with the readings, it starts anew:
-each beam by itself, then less what its neighbours add in the poses so found, then all together. Beams that have no
+A frame starts from the poses of the one before. Beams for which these do not lead to poses with the readings start
+anew: each by itself, then less what its neighbours add in the poses so found, then all together. Beams that have no
 reading, or no pose by themselves, stay where they were last seen, and the others are decoded beside them.
 """
 
@@ -76,13 +76,15 @@ class ArrayStream:
         """Return what `analytic.beam_arrays.decoded_with_readings` finds for readings (n, k), some of them NaN."""
         readings, last, given = rows[None], self._last[None], np.isfinite(rows).all(axis=1)
         found, total, own = beam_arrays.decoded_with_readings(self.coder, self.array, readings, last)
-        if np.isfinite(found[0, given]).all() and self._fits(rows - total[0])[given].all():
+        known = np.isfinite(found[0, :, 0]) & self._fits(rows - total[0])
+        if known[given].all():
             return found[0], total[0], own[0]
-        # by themselves, with neighbours where they were last, and again with those found
+        # the others by themselves, with neighbours where they are or were last, and again with those found
+        last, searched = np.where(known[:, None], found, last), np.where(known[:, None], np.nan, rows)
         for _ in range(2):
-            alone = beam_arrays.less_neighbours(self.coder, self.array, readings, last)
-            last = np.where(np.isfinite(alone.shift[None]), alone.shift[None], last)
-        held = np.where(np.isfinite(alone.shift[:, :1]), rows, np.nan)
+            alone = beam_arrays.less_neighbours(self.coder, self.array, searched[None], last).shift
+            last = np.where(np.isfinite(alone), alone, last)
+        held = np.where((known | np.isfinite(alone[:, 0]))[:, None], rows, np.nan)
         found, total, own = beam_arrays.decoded_with_readings(self.coder, self.array, held[None], last)
         return found[0], total[0], own[0]
 

@@ -103,8 +103,8 @@ class RelaxingForce:
         resisted, leaning = self._resisted(force, shear)
         known = np.asarray(np.isfinite(resisted).all(axis=-1))
         each = known[..., None]
-        self._least = np.where(each, np.minimum(self._least, resisted), self._least)
-        self._most = np.where(each, np.maximum(self._most, resisted), self._most)
+        # without NaN
+        self._least, self._most = np.fmin(self._least, resisted), np.fmax(self._most, resisted)
         if math.isnan(time):
             return np.where(each, self.slow * np.asarray(force, dtype=float), math.nan)
         # NaN before the first row
@@ -167,18 +167,21 @@ class RowChecks:
         jumps = np.asarray(apart.all(axis=0))
         change = np.where((apart[0] & ~jumps)[:, None], changes[1], changes[0])
         usual = ~jumps & np.isfinite(change).all(axis=1)
-        self._changes = _with(self._changes, change, usual)
-        self._intervals = _with(self._intervals, np.full(len(rows), interval), usual & math.isfinite(interval))
-        self._rows = np.stack([rows, np.where(jumps[:, None], self._rows[1], rows)])
+        _replace_oldest(self._changes, change, usual)
+        if math.isfinite(interval):
+            _replace_oldest(self._intervals, interval, usual)
+        self._rows[0], self._rows[1, ~jumps] = rows, rows[~jumps]
         self._time = time
         flags = zip(frozen.tolist(), late.tolist(), jumps.tolist(), strict=True)
         return ["frozen" if f else "after_gap" if g else "jump" if j else "ok" for f, g, j in flags]
 
 
-def _with(recent: Array, values: Array, some: NDArray[np.bool_]) -> Array:
-    """Return recent values (RECENT, n, ...), of `some` sensors (n,) with new ones (n, ...) in place of the oldest."""
-    chosen = some.reshape(-1, *[1] * (values.ndim - 1))
-    return np.where(chosen, np.concatenate([recent[1:], values[None]]), recent)
+def _replace_oldest(recent: Array, values: Array | float, some: NDArray[np.bool_]) -> None:
+    """Put further values (n, ...) of `some` sensors (n,) behind recent ones (RECENT, n, ...), whose oldest go."""
+    if some.all():
+        recent[:-1], recent[-1] = recent[1:], values
+    elif some.any():
+        recent[:-1, some], recent[-1, some] = recent[1:, some], np.broadcast_to(values, recent.shape[1:])[some]
 
 
 class TimeSeries:
