@@ -38,6 +38,7 @@ import numpy as np
 from analytic import buckling, parts
 from analytic.decode import Decoded, Decoder, decode
 from analytic.hall import rotated
+from analytic.inverse import ambient_field
 from analytic.inverse.forward_model import (
     Forward,
     magnets_at,
@@ -47,7 +48,7 @@ from analytic.inverse.forward_model import (
     readings_with_slopes,
     rotation,
 )
-from analytic.inverse.joint_poses import read_placed, read_shifted, solve_frame
+from analytic.inverse.joint_poses import read_placed, read_shifted, solve_frame, stacked
 from analytic.inverse.response_surface import forces
 from analytic.magnet import MU_0, repulsion
 from geometry.array_design import ArrayDesign, grid_array
@@ -70,6 +71,8 @@ class BeamArray:
     poles : 1, or -1 for a reversed magnet, shape (n,).
     pitch : distance of the nearest neighbours, mm.
     reach : distance of beams, mm, up to which the motion of a magnet counts at the elements of the other beam.
+    made : elements and magnet of each beam, (n,), where they differ as made sensors do; empty where they do not.
+    ambient : whether a uniform field, the same for all beams, is unknown beside the poses.
     """
 
     forward: Forward
@@ -77,6 +80,8 @@ class BeamArray:
     poles: Array
     pitch: float
     reach: float = math.inf
+    made: tuple[Forward, ...] = ()
+    ambient: bool = False
 
     def __len__(self) -> int:
         return len(self.layout)
@@ -103,10 +108,16 @@ class BeamArray:
             return np.zeros((len(self), len(self.forward.elements)))
         return np.asarray(np.subtract(*(_summed(*readings_by_pairs(each, rest)[:2])[0] for each in (whole, self))))
 
-    @property
+    @cached_property
     def arguments(self) -> tuple[Any, ...]:
-        """Pairs, offsets, poles and the kernel of the forward model, for compiled functions."""
-        return self.pairs, self.offsets, self.poles, self.forward.kernel
+        """Pairs, offsets, poles and the forward models of all beams, for compiled functions."""
+        return self.pairs, self.offsets, self.poles, stacked(self.made or [self.forward])
+
+    @cached_property
+    def directions(self) -> Array:
+        """Directions N (n, k, 3) of the elements of all beams, which are empty without an ambient field."""
+        normals = ambient_field.directions(self.forward.elements)
+        return np.tile(normals, (len(self) if self.ambient else 0, 1, 1))
 
     def obstructed(self) -> str:
         """Return the name of an element that lies in the beam of a neighbour; "" if none does."""
@@ -177,15 +188,21 @@ def _summed(pairs: Ints, values: Array) -> Array:
     return np.asarray(np.add.reduceat(values, starts, axis=1))
 
 
-def standing(forward: Forward, array: ArrayDesign) -> BeamArray:
-    """Return the beams of an array that can be built.
+def standing(forward: Forward, array: ArrayDesign, *, ambient: bool = False) -> BeamArray:
+    """Return the beams of an array that can be built; `ambient` as in `BeamArray`.
 
     Raises
     ------
     BadInput
-        An element lies inside the beam of a neighbour, or the magnets snap together.
+        An element lies inside the beam of a neighbour, or the magnets snap together; or the readings are too few for
+        an ambient field.
     """
-    beams = of_array(forward, array)
+    beams, count, n = replace(of_array(forward, array), ambient=ambient), len(forward.elements), len(array)
+    if ambient and n * count < 3 * n + 3:
+        raise BadInput(
+            f"an ambient field is three more unknowns beside the {3 * n} of {n} poses, which {n * count} readings do "
+            "not tell: take two chips of three axes or more for each beam (chip_count)"
+        )
     if inside := beams.obstructed():
         raise BadInput(
             f"{inside} lies inside the beam of a neighbour at a pitch of {array.pitch:g} mm: take a larger pitch"
@@ -223,6 +240,33 @@ def slopes_of_array(array: BeamArray, shift: Array) -> tuple[Array, Array]:
 # Decoding
 
 
+Coders = Decoder | Sequence[Decoder]
+"""The decoder of each beam: one of all of them, or each its own."""
+
+
+def coders_of(coder: Coders, n: int) -> list[Decoder]:
+    """Return the decoder of each beam."""
+    return [coder] * n if isinstance(coder, Decoder) else list(coder)
+
+
+def shifts_alone(coder: Coders, array: BeamArray, readings: Array, shift: Array) -> Array:
+    """Return the shifts (f, n, 3), mm, that each beam's readings (f, n, k), T, have less what the others add in poses
+    (f, n, 3), mm; NaN where there is none.
+
+    Where an ambient field is unknown, readings may contradict each other.
+    """
+    upright = (readings - readings_of_array(array, shift, own=False)) * array.poles[:, None]
+    if array.ambient:
+        coder = [_any_misfit(each) for each in coders_of(coder, len(array))]
+    if isinstance(coder, Decoder):
+        return decode(coder, upright.reshape(-1, readings.shape[2])).shift.reshape(shift.shape)
+    return np.stack([decode(each, upright[:, k]).shift for k, each in enumerate(coder)], axis=1)
+
+
+def _any_misfit(coder: Decoder) -> Decoder:
+    return replace(coder, goal=coder.goal._replace(tolerance=np.full_like(coder.goal.tolerance, np.inf)))
+
+
 def decoded_alone(coder: Decoder, array: BeamArray, readings: Array) -> Decoded:
     """Decode readings (f, n, k), T, each beam for itself; rows of the result are beam by beam of each frame.
 
@@ -242,12 +286,12 @@ def less_neighbours(coder: Decoder, array: BeamArray, readings: Array, shift: Ar
     return decoded_alone(coder, array, readings - readings_of_array(array, shift, own=False))
 
 
-def decoded_jointly(coder: Decoder, array: BeamArray, readings: Array, start: Array) -> Array:
+def decoded_jointly(coder: Coders, array: BeamArray, readings: Array, start: Array) -> Array:
     """Return the shifts (f, n, 3), mm, that have the readings (f, n, k), T.
 
     It is the solution to which the start leads; others with the same readings are not searched. It is NaN in frames
     that do not converge, and for beams whose magnet lies outside the decoder's workspace. Beams with a reading that
-    is NaN stay at their start, and are NaN. Where the decoder rejects an ambient field, each beam has one of its own.
+    is NaN stay at their start, and are NaN.
 
     A step is shortened so that no magnet moves more than D/16, as near a fold.
 
@@ -257,25 +301,32 @@ def decoded_jointly(coder: Decoder, array: BeamArray, readings: Array, start: Ar
 
 
 def decoded_with_readings(
-    coder: Decoder, array: BeamArray, readings: Array, start: Array
+    coder: Coders, array: BeamArray, readings: Array, start: Array
 ) -> tuple[Array, Array, Array]:
-    """Return the shifts of `decoded_jointly`, the readings of all magnets there (f, n, k), T, and of each beam's own.
+    """Return the shifts of `decoded_jointly`, the readings of all magnets there (f, n, k), T, with an ambient field,
+    and of each beam's own.
 
     Those are NaN in frames that do not converge; magnets outside the workspace count where they were found.
     """
-    goal, pairs, (f, _, k) = coder.goal, array.pairs, readings.shape
+    goals, pairs, (f, n, k) = [each.goal for each in coders_of(coder, len(array))], array.pairs, readings.shape
+    squares, N = np.square([goal.weights for goal in goals]), array.directions
     lost = np.asarray(~np.isfinite(readings).all(axis=2))
     near, found = np.where(lost[..., None], 0.0, readings - array.far), np.array(start, dtype=float)
-    values = np.empty((f, pairs.shape[1], k))
-    solved = [
-        solve_frame(row, held, array.arguments, (_metric(coder), goal.D), shift, each)
-        for row, held, shift, each in zip(near, lost, found, values, strict=True)
-    ]
+    values, solved, fields = np.empty((f, pairs.shape[1], k)), np.empty(f, dtype=bool), np.zeros((f, n, k))
+    for q in range(f):
+        reading = N * ~lost[q][:, None, None] if array.ambient else N
+        S = np.linalg.pinv(np.einsum("iac,ia,iad->cd", reading, squares, reading)) if array.ambient else np.eye(3)
+        scale = (squares, reading, S), goals[0].D
+        solved[q] = solve_frame(near[q], lost[q], array.arguments, scale, found[q], values[q])
+        if array.ambient:
+            misfit = near[q] - _summed(pairs, values[q : q + 1])[0]
+            fields[q] = N @ (S @ np.einsum("iac,ia,ia->c", reading, squares, misfit))
     _check(values)
-    total, own = array.far + _summed(pairs, values), values[:, pairs[0] == pairs[1]]
+    total, own = array.far + _summed(pairs, values) + fields, values[:, pairs[0] == pairs[1]]
     for some in (found, total, own):
-        some[~np.array(solved)] = np.nan
-    inside = ((goal.low <= found) & (found <= goal.high)).all(axis=2) & ~lost
+        some[~solved] = np.nan
+    low, high = (np.array([getattr(goal, name) for goal in goals]) for name in ("low", "high"))
+    inside = ((low <= found) & (found <= high)).all(axis=2) & ~lost
     found[~inside] = np.nan
     return found, total, own
 

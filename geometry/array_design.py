@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from geometry.arrays import Array
 from geometry.bad_input import closest
-from geometry.design import BadInput, Design
+from geometry.design import POLES, BadInput, Design
 
 POLARITIES = ("up", "checkerboard", "rows")
 """All magnets alike; every other one reversed, along rows and columns; every other row reversed."""
@@ -46,6 +46,17 @@ class ArrayDesign:
 
     def __len__(self) -> int:
         return len(self.places)
+
+    def of_beam(self, k: int) -> Design:
+        """Return the design of a beam, counted from 0, whose magnet lies as it does in the array.
+
+        >>> pair = grid_array(Design(), 1, 2, 20.0, "checkerboard")
+        >>> [pair.of_beam(k).magnet_north for k in (0, 1)]
+        ['down', 'up']
+        """
+        if self.poles[k] > 0:
+            return self.design
+        return replace(self.design, magnet_north=next(way for way in POLES if way != self.design.magnet_north))
 
     @property
     def pitch(self) -> float:

@@ -1,6 +1,7 @@
 """What verbs do with a design file that states an array: those that take one beam of it say so."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +9,7 @@ import pandas as pd
 import pytest
 
 from analytic import parts
-from analytic.decode import decoder
+from analytic.decode import decode, decoder
 from analytic.hall import field_at, means_over_plates, plates_of
 from analytic.surroundings import IronPlane
 from geometry.array_design import ArrayDesign
@@ -103,3 +104,29 @@ def test_iron_has_an_image_of_each_magnet():
     frames = loads.force.reshape(-1, 2, 3)
     assert sorted(map(tuple, frames[:, 0])) == sorted(map(tuple, frames[:, 1]))
     assert (frames[1:, 0] != frames[1:, 1]).any(axis=1).all()
+
+
+def test_a_field_in_common_costs_less_noise_than_one_of_each_beam():
+    design = replace(DESIGN, hall_layout="tle493d-w2b6", chip_count=3, chip_x=5.0, chip_noise=5e-5)
+    array = ArrayDesign(design, np.array([[0.0, 0.0], [400.0, 0.0]]), np.ones(2))
+    coder = decoder(design, CODER.mechanics)
+    loads, _, _ = loads_of(coder, None, array, reject_ambient=True)
+    # far apart the noise is that of single sensors
+    own = decode(coder, loads.readings(loads.poses.shift.T).reshape(-1, 9)).noise_N
+    alone, common = (loads.noise(coder, ambient=ambient) for ambient in (False, True))
+    assert alone == pytest.approx(own**2, rel=1e-3, abs=1e-9)
+    rejecting = decoder(design, CODER.mechanics, reject_ambient=True)
+    by_itself = decode(rejecting, loads.readings(loads.poses.shift.T).reshape(-1, 9)).noise_N ** 2
+    assert (alone <= common * (1 + 1e-9)).all()
+    assert (common <= by_itself * (1 + 1e-3) + 1e-9).all()
+    assert common.mean() < (alone + by_itself).mean() / 2
+    assert loads.price(coder) == pytest.approx(np.sqrt(np.median(common / alone)))
+
+
+def test_an_array_of_one_chip_a_beam_cannot_reject_a_field(pair, capsys):
+    words = ["--level", "paper", "--reject-ambient", "--set", "hall_layout=tle493d-w2b6"]
+    assert main(["disturb", str(pair), *words]) == 2
+    assert (
+        "three more unknowns beside the 6 of 2 poses, which 6 readings do not tell: take two"
+        in capsys.readouterr().err
+    )

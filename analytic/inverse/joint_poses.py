@@ -3,23 +3,26 @@
 With the misfits r of all readings, and the slopes A_ij of those of beam i along the shift of the magnet of beam j,
 Gauss and Newton's step p solves
 
-    A'K A p = A'K r,    K = (W M)'(W M),
+    A'K A p = A'K r,    K = W^2 - W^2 N S N' W^2,
 
-with the decoder's weights W and, where it rejects an ambient field, M that takes it off
-(`analytic.inverse.ambient_field`). Conjugate gradients solve it, scaled by the inverses of the beams' own blocks
-A_ii'K A_ii: beams that disturb each other little need some steps, and each step two products for each pair that acts.
-So the work grows as the number of pairs.
+with the decoders' weights W. Without an ambient field K is W^2; a uniform one that is the same for all beams is
+eliminated by the directions N of all elements that read, with S = (N' W^2 N)^-1 (`analytic.inverse.ambient_field`):
+the field is S N' W^2 r. Conjugate gradients solve it, scaled by the inverses of the beams' own blocks
+A_ii'W^2 A_ii: beams that disturb each other little need some steps, and each step two products for each pair that
+acts. So the work grows as the number of pairs.
 
 An array is a tuple: beams whose elements read and whose magnets act, (2, m), each pair once, the first ascending;
-where the first beam of each lies from the second, (m, 3), mm; the magnets' poles (n,); and the kernel of
-`analytic.inverse.forward_model.Forward`.
+where the first beam of each lies from the second, (m, 3), mm; the magnets' poles (n,); and what the kernels of the
+beams' `analytic.inverse.forward_model.Forward` hold, a row for each beam, or one for all of them (`stacked`).
 """
 
 import math
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
-from analytic.inverse.forward_model import place_magnets, read_poses, slopes_by_place
+from analytic.inverse.forward_model import CENTRED, NO_TILT, Forward, place_magnets, read_poses, slopes_by_place
 from analytic.inverse.pose_search import cofactors
 from geometry.compiled import compiled
 
@@ -32,12 +35,29 @@ SOLVED = 1e-6
 """That share, at which conjugate gradients end: of a step that is as short, nothing is left but rounding."""
 
 
+def stacked(forwards: Sequence[Forward]) -> tuple[Any, ...]:
+    """Return points and normals (n, p, 3), owners and shares, motions, magnets and series of forward models that have
+    as many elements."""
+    points, normals, owners, share, motion, _, *magnet, _, disc = zip(
+        *(each.kernel for each in forwards), strict=True
+    )
+    tau, offset, tilt = zip(*motion, strict=True)
+    coefficients, least, most = map(np.array, zip(*tau, strict=True))
+    motions = coefficients, least, most, np.array(offset), np.array(tilt)
+    series = np.array([each.kernel[-2] for each in forwards])
+    return np.array(points), np.array(normals), owners[0], share[0], motions, np.column_stack(magnet), series, disc[0]
+
+
 @compiled
 def read_shifted(shift, array, values, slopes):
     """Fill what each pair's magnet adds at shifts (n, 3), and, if they are not empty, its slopes (m, k, 3)."""
-    n, k, pairs, kernel = len(shift), values.shape[1], array[0], array[3]
+    n, k, pairs = len(shift), values.shape[1], array[0]
+    tau, least, most, offset, tilt = array[3][4]
     moved, axis, by_place, by_axis = np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3, 3)), np.empty((n, 3, 3))
-    place_magnets(kernel[4], shift, moved, axis, by_place, by_axis)
+    alike = n // len(tau)
+    for j in range(len(tau)):
+        some, motion = slice(alike * j, alike * j + alike), ((tau[j], least[j], most[j]), offset[j], tilt[j])
+        place_magnets(motion, shift[some], moved[some], axis[some], by_place[some], by_axis[some])
     by_shift, by_turn = np.empty((len(slopes), k, 3)), np.empty((len(slopes), k, 3))
     read_placed(moved, axis, array, values, by_shift, by_turn)
     for q in range(len(slopes)):
@@ -48,15 +68,22 @@ def read_shifted(shift, array, values, slopes):
 @compiled
 def read_placed(moved, axis, array, values, by_shift, by_turn):
     """Fill what each pair's magnet adds to readings (m, k), by displacements and axes (n, 3) of the magnets."""
-    pairs, offsets, poles, kernel = array
-    m = len(offsets)
+    pairs, offsets, poles, (points, normals, owners, share, _, magnets, series, disc) = array
+    m, motion, slope = len(offsets), (NO_TILT, *CENTRED), len(by_shift) > 0
     # the elements see the magnet of another beam where it lies from their own
     at, along = np.empty((m, 3)), np.empty((m, 3))
     for q in range(m):
         j = pairs[1, q]
         for i in range(3):
             at[q, i], along[q, i] = moved[j, i] - offsets[q, i], axis[j, i]
-    read_poses(at, along, kernel, values, by_shift, by_turn)
+    # beams that are alike have one row, and all pairs are read at once
+    alike = m if len(points) == 1 else 1
+    for q in range(0, m, alike):
+        i, j = (0, 0) if alike == m else (pairs[0, q], pairs[1, q])
+        magnet = magnets[j, 0], magnets[j, 1], magnets[j, 2], series[j], disc
+        kernel = (points[i], normals[i], owners, share, motion, False, *magnet)
+        some, few = slice(q, q + alike), slice(q, q + alike if slope else q)
+        read_poses(at[some], along[some], kernel, values[some], by_shift[few], by_turn[few])
     for q in range(m):
         if poles[pairs[1, q]] < 0:
             values[q] = -values[q]
@@ -67,6 +94,9 @@ def read_placed(moved, axis, array, values, by_shift, by_turn):
 @compiled
 def solve_frame(row, lost, array, scale, shift, values):
     """Move shifts (n, 3), mm, to those with the readings (n, k), T, and fill what each pair's magnet adds there.
+
+    scale : squared weights W^2 (n, k), directions N (n, k, 3), 0 for beams that are lost, and S (3, 3); D, mm.
+        Without an ambient field N is empty.
 
     Return whether they were found.
     """
@@ -81,6 +111,9 @@ def solve_frame(row, lost, array, scale, shift, values):
                 misfit[i, a] -= values[q, a]
             if lost[i] or lost[j]:
                 slopes[q] = 0.0
+        for i in range(len(lost)):
+            if lost[i]:
+                misfit[i] = 0.0
         step, lacking = _least_squares(pairs, slopes, misfit, metric)
         length = 0.0
         for p in step:
@@ -153,12 +186,26 @@ def _gather(pairs, A, b, share, found):
 
 @compiled
 def _weigh(metric, rows, found):
-    """Fill the product of a metric (k, k) with each of rows (n, k)."""
-    for i in range(len(rows)):
-        for a in range(len(metric)):
-            found[i, a] = 0.0
-            for b in range(len(metric)):
-                found[i, a] += metric[a, b] * rows[i, b]
+    """Fill K times rows (n, k)."""
+    squares, N, S = metric
+    n, k = rows.shape
+    for i in range(n):
+        for a in range(k):
+            found[i, a] = squares[i, a] * rows[i, a]
+    if not len(N):
+        return
+    along, field = np.zeros(3), np.zeros(3)
+    for i in range(n):
+        for a in range(k):
+            for c in range(3):
+                along[c] += N[i, a, c] * found[i, a]
+    for c in range(3):
+        for d in range(3):
+            field[c] += S[c, d] * along[d]
+    for i in range(n):
+        for a in range(k):
+            for c in range(3):
+                found[i, a] -= squares[i, a] * N[i, a, c] * field[c]
 
 
 @compiled
@@ -181,18 +228,18 @@ def _combine(share, x, kept, y):
 
 @compiled
 def _own_inverses(pairs, A, metric):
-    """Return the inverses (n, 3, 3) of the beams' own blocks of A'K A, near a fold those of some larger ones; 0 for
+    """Return the inverses (n, 3, 3) of the beams' own blocks of A'W^2 A, near a fold those of some larger ones; 0 for
     beams that are held."""
-    found, block, k = np.zeros((pairs[0, -1] + 1, 3, 3)), np.empty((3, 3)), len(metric)
+    squares = metric[0]
+    found, block, k = np.zeros((*squares.shape[:1], 3, 3)), np.empty((3, 3)), squares.shape[1]
     for q in range(len(A)):
         if pairs[0, q] != pairs[1, q]:
             continue
         block[:] = 0.0
         for a in range(k):
-            for b in range(k):
-                for c in range(3):
-                    for d in range(3):
-                        block[c, d] += metric[a, b] * A[q, a, c] * A[q, b, d]
+            for c in range(3):
+                for d in range(3):
+                    block[c, d] += squares[pairs[0, q], a] * A[q, a, c] * A[q, a, d]
         more = 1e-12 * (block[0, 0] + block[1, 1] + block[2, 2])
         bc, eh, dh, ac, de, ab, det = cofactors(
             *(block[0, 0] + more, block[1, 1] + more, block[2, 2] + more),

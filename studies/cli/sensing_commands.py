@@ -119,11 +119,12 @@ def readings(
     return show(field_readings.study(design, responses, sensing, wide=call.wide), here)
 
 
-@verb("source sets wide as_json")
+@verb("source sets wide as_json", arrays=True)
 def bench(call: Call, *, out: Path | None = None, options: option_groups.Planning = option_groups.Planning()) -> int:
     """Plan the presses of a test stand that tell most about a made sensor, before the first one; simulate them.
 
-    Presses lie within the loads of the design's [requirements]; without any they go to D/8, with as much shear.
+    Presses lie within the loads of the design's [requirements]; without any they go to D/8, with as much shear. The
+    beams of an array are pressed one after the other.
 
     Parameters
     ----------
@@ -134,6 +135,7 @@ def bench(call: Call, *, out: Path | None = None, options: option_groups.Plannin
     from studies.calibration import simulated_bench
     from studies.parts.part_tolerances import parse_tolerances, parts_of_file
     from studies.parts.requirements import stated_requirements
+    from studies.sensing import array_readings
 
     if options.simulate and out is None:
         raise BadInput("--simulate writes bench.csv and recording.csv: add --out FOLDER")
@@ -144,7 +146,8 @@ def bench(call: Call, *, out: Path | None = None, options: option_groups.Plannin
     design = call.design()
     made = parse_tolerances(options.tolerances or [], design, call.source)
     bought, needed = parts_of_file(design, call.source), stated_requirements(call.source)
-    return publish(partial(simulated_bench.run, design, made, bought, needed, options), here)
+    array = array_readings.stated_array(call.source, design)
+    return publish(partial(simulated_bench.run, design, made, bought, needed, options, array), here)
 
 
 @verb("source sets wide as_json", arrays=True)
@@ -272,8 +275,10 @@ def _decode_array(call: Call, array: ArrayDesign, decoding: option_groups.Decodi
         )
     made = parse_tolerances(decoding.tolerances or [], array.design, call.source)
     source = mechanics_sources.source_of(array.design, decoding.source)
-    coder = decode_readings.prepare(array.design, source, reject_ambient=decoding.reject_ambient)
-    decoder = array_readings.ArrayDecoder(array, coder, decode_tolerances.frame_statuses(coder, made))
+    coder = decode_readings.prepare(array.design, source)
+    decoder = array_readings.ArrayDecoder(
+        array, coder, decode_tolerances.frame_statuses(coder, made), reject_ambient=decoding.reject_ambient
+    )
     if decoding.readings is not None:
         return show(array_readings.decode_text(decoder, decoding.readings, source), call.screen)
     with atomic_files.sole_writer(call.out):

@@ -250,6 +250,7 @@ class ArrayDecoder:
     coder : of one beam. statuses : returns those of a frame's beams, such as
         `studies.sensitivity.decode_tolerances.frame_statuses`.
     jitter : as in `analytic.stream.Stream`.
+    reject_ambient : whether a uniform field, the same for all beams, is decoded along.
 
     Attributes
     ----------
@@ -257,9 +258,16 @@ class ArrayDecoder:
     """
 
     def __init__(
-        self, array: ArrayDesign, coder: Decoder, statuses: Callable[[Frame], list[Status]], jitter: float = 0.0
+        self,
+        array: ArrayDesign,
+        coder: Decoder,
+        statuses: Callable[[Frame], list[Status]],
+        jitter: float = 0.0,
+        *,
+        reject_ambient: bool = False,
     ) -> None:
-        beams, self.said = _near(coder, beam_arrays.standing(coder.forward, array))
+        standing = beam_arrays.standing(coder.forward, array, ambient=reject_ambient)
+        beams, self.said = _near(coder, standing)
         self.stream = ArrayStream(coder, beams, jitter)
         self._statuses, self._shape = statuses, (len(array), len(coder.forward.elements))
         self.columns = (*NET, *(f"b{k}_{name}" for k in range(1, len(array) + 1) for name in FOUND))

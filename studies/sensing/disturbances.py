@@ -22,10 +22,10 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from analytic import surroundings
-from analytic.decode import Decoder, decode, decoder, told_slopes
+from analytic.decode import Decoder, decoder, told_slopes
 from analytic.hall import plates_of
 from analytic.inverse import response_surface
-from analytic.inverse.forward_model import readings_at, readings_with_slopes
+from analytic.inverse.forward_model import readings_with_slopes
 from analytic.parts import of_design
 from analytic.surroundings import IronPiece, IronPlane, Neighbour, Poses, Surroundings
 from geometry.array_design import ArrayDesign
@@ -90,8 +90,9 @@ def run(
     array : of which the design is one beam.
     """
     chosen, source = disturbances(design, options, array), mechanics()
-    coder = decoder(design, source.law, reject_ambient=options.reject_ambient)
-    loads, full, words = loads_of(coder, needed, array)
+    # of an array the field is that of all beams, and not one that a beam tells by itself
+    coder = decoder(design, source.law, reject_ambient=options.reject_ambient and array is None)
+    loads, full, words = loads_of(coder, needed, array, reject_ambient=options.reject_ambient)
     rows, beams = list[FlatRow](), list[FlatRow]()
     for k, one in enumerate(chosen):
         progress(k / (len(chosen) + 1), one.name)
@@ -101,7 +102,7 @@ def run(
     progress(len(chosen) / (len(chosen) + 1), "warming")
     warmed = warming(coder, loads, options, full)
     far = {field: surroundings.reach(design, field * 1e-3) for field in (0.5, 0.1)}
-    price = _price(coder, design, loads) if options.reject_ambient else 1.0
+    price = loads.price(coder) if options.reject_ambient else 1.0
     record = {
         "mechanics": source.name,
         "rejects_ambient": options.reject_ambient,
@@ -149,13 +150,6 @@ def _price_words(factor: float) -> str:
     if math.isnan(factor):
         return "What --reject-ambient costs in noise is unknown: set the noise of the elements, such as chip_noise."
     return f"--reject-ambient costs {factor:.3g} times the noise of the force."
-
-
-def _price(coder: Decoder, design: Design, loads: Loads) -> float:
-    """Return by which factor a rejected field makes the noise of the force larger: the median over loads and axes."""
-    plain, readings = decoder(design, coder.mechanics), readings_at(loads.sensor, loads.of_one.shift.T).T
-    ratio = decode(coder, readings).noise_N / decode(plain, readings).noise_N
-    return float(np.nanmedian(ratio)) if np.isfinite(ratio).any() else math.nan
 
 
 # Errors

@@ -7,6 +7,7 @@ pressed by each of them to its own depth.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
@@ -15,8 +16,8 @@ import numpy as np
 
 from analytic import parts
 from analytic.array_stream import ArrayStream
-from analytic.beam_arrays import of_array, readings_of_array, standing
-from analytic.decode import Decoder, decode
+from analytic.beam_arrays import of_array, readings_of_array, slopes_of_array, standing
+from analytic.decode import Decoder, decode, decoder
 from analytic.hall import means_over_plates, plates_of
 from analytic.inverse import response_surface
 from analytic.inverse.forward_model import Forward, model, readings_at, rotation
@@ -74,6 +75,12 @@ class Loads:
         found = decode(coder, readings)
         return found.force, found.status
 
+    def price(self, coder: Decoder) -> float:
+        """Return by which factor a rejected field makes the noise of the force larger: the median over loads and
+        axes; NaN without noise."""
+        plain, readings = decoder(coder.forward.design, coder.mechanics), self.readings(self.poses.shift.T)
+        return _median(decode(coder, readings).noise_N / decode(plain, readings).noise_N)
+
     def widened(self, factor: float) -> Loads:
         """Return loads whose elements stand on a base that has grown."""
         return replace(self, sensor=_grown(self.sensor, factor))
@@ -83,6 +90,10 @@ class Loads:
         """A sentence where loads are left out."""
         said = f"{self.left_out} loads of the range lie beyond the mechanics: their errors are not known"
         return [said] * bool(self.left_out)
+
+
+def _median(ratio: Array) -> float:
+    return float(np.nanmedian(ratio)) if np.isfinite(ratio).any() else math.nan
 
 
 def _grown(sensor: Forward, factor: float) -> Forward:
@@ -98,10 +109,12 @@ class ArrayLoads(Loads):
     """The loads of an array: forces (f n, 3), N, and poses, frame by frame and beam by beam; the first is at rest.
 
     array : where the beams stand. shared : poses of one beam under all loads.
+    ambient : whether a uniform field, the same for all beams, is decoded along.
     """
 
     array: ArrayDesign
     shared: Poses
+    ambient: bool
 
     @property
     def beams(self) -> int:
@@ -136,9 +149,33 @@ class ArrayLoads(Loads):
 
     def decode(self, coder: Decoder, readings: Array) -> tuple[Array, Sequence[Status]]:
         """Return forces (m n, 3), N, and statuses of rows of readings (m, n k), T, decoded jointly."""
-        stream = ArrayStream(coder, standing(coder.forward, self.array))
+        stream = ArrayStream(coder, standing(coder.forward, self.array, ambient=self.ambient))
         found = [stream.step(row.reshape(self.beams, -1)) for row in readings]
         return np.concatenate([frame.force for frame in found]), [word for frame in found for word in frame.status]
+
+    def price(self, coder: Decoder) -> float:
+        """Return the factor of `Loads.price` for forces that are decoded jointly."""
+        return math.sqrt(_median(self.noise(coder, ambient=True) / self.noise(coder, ambient=False)))
+
+    def noise(self, coder: Decoder, *, ambient: bool) -> Array:
+        """Return variances (f n, 3), N^2, of decoded forces by the readings' noise, to first order."""
+        if not coder.sigma.all():
+            return np.full_like(self.force, np.nan)
+        beams = replace(of_array(self.sensor, self.array), ambient=ambient)
+        _, slopes = slopes_of_array(beams, self.poses.shift.reshape(-1, self.beams, 3))
+        f, n, k, *_ = slopes.shape
+        unknown = [
+            slopes.reshape(f, n, k, -1),
+            *(np.broadcast_to(N, (f, n, k, 3)) for N in [beams.directions] * ambient),
+        ]
+        told = np.concatenate(unknown, axis=-1)
+        told = (told / coder.sigma[:, None]).reshape(f, n * k, -1)
+        of_poses = np.linalg.inv(told.swapaxes(1, 2) @ told)[:, : 3 * n, : 3 * n].reshape(f, n, 3, n, 3)
+        each = np.einsum("fiaib->fiab", of_poses).reshape(-1, 3, 3)
+        law = coder.mechanics
+        assert law is not None
+        by_shift = response_surface.forces(law, np.ascontiguousarray(self.poses.shift.T))[1]
+        return np.asarray(np.einsum("jim,mjk,kim->mi", by_shift, each, by_shift))
 
     def widened(self, factor: float) -> Loads:
         """Return loads whose beams and elements stand on a base that has grown."""
@@ -147,11 +184,15 @@ class ArrayLoads(Loads):
 
 
 def loads_of(
-    coder: Decoder, needed: Requirements | None, array: ArrayDesign | None = None
+    coder: Decoder,
+    needed: Requirements | None,
+    array: ArrayDesign | None = None,
+    *,
+    reject_ambient: bool = False,
 ) -> tuple[Loads, float, str]:
     """Return the loads, the force of which percentages are, N, and which one it is, in words.
 
-    array : of which the decoder's sensor is one beam.
+    array : of which the decoder's sensor is one beam; `reject_ambient` is whether it rejects a field in common.
     """
     assert coder.mechanics is not None
     if needed is not None:
@@ -170,16 +211,16 @@ def loads_of(
         )
     force = np.column_stack([tangential * np.cos(turn), tangential * np.sin(turn), normal])
     loads = Loads(force[known], _poses(coder, shift[:, known]), coder.forward, int((~known).sum()))
-    return loads if array is None else _on_array(loads, array), full, words
+    return loads if array is None else _on_array(loads, array, reject_ambient), full, words
 
 
-def _on_array(loads: Loads, array: ArrayDesign) -> ArrayLoads:
+def _on_array(loads: Loads, array: ArrayDesign, ambient: bool) -> ArrayLoads:
     """Return the loads on all beams of an array, each with another one in each frame but the first."""
     pressed, n = len(loads.force) - 1, len(array)
     order = np.vstack([np.zeros(n, dtype=int), 1 + np.add.outer(np.arange(pressed), np.arange(n)) % pressed]).ravel()
     one = loads.poses
     poses = Poses(one.shift[order], one.tilt[order], one.depth[order])
-    return ArrayLoads(loads.force[order], poses, loads.sensor, loads.left_out, array, one)
+    return ArrayLoads(loads.force[order], poses, loads.sensor, loads.left_out, array, one, ambient)
 
 
 def shifts_under(coder: Decoder, normal: Array, tangential: Array, turn: Array) -> Array:

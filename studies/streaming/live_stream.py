@@ -226,8 +226,10 @@ class Arrayed:
     def __init__(self, array: ArrayDesign, options: Streaming, jitter: float) -> None:
         source = mechanics_sources.source_of(array.design, options.source)
         self.said = [*source.said, *[source.warning] * bool(source.warning)]
-        coder = decode_readings.prepare(array.design, source, reject_ambient=options.reject_ambient)
-        self._decoder = ArrayDecoder(array, coder, frame_statuses(coder), jitter)
+        coder = decode_readings.prepare(array.design, source)
+        self._decoder = ArrayDecoder(
+            array, coder, frame_statuses(coder), jitter, reject_ambient=options.reject_ambient
+        )
         self.said += self._decoder.said
         self.columns = self._decoder.columns
         rest = np.zeros((len(array), 3)), np.zeros((len(array), 2))
