@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from studies.sizing.sizing_study import Settings
 
 
-@verb("source sets as_json")
+@verb("source sets as_json", arrays=True)
 def design(call: Call, *, loaded: bool = False) -> int:
     """Show every value of a design with its source, derived values, assumptions and warnings.
 
