@@ -7,11 +7,12 @@ import math
 import re
 import zipfile
 
+import numpy as np
 import pytest
 import shapely
 
 from geometry import base
-from geometry.array_design import grid_array
+from geometry.array_design import ArrayDesign, grid_array
 from geometry.bad_input import BadInput
 from geometry.cad import element_positions
 from geometry.design import Design, paper, preset
@@ -353,7 +354,7 @@ PAIR = Design(hall_layout="tlv493d-a1b6", l0=8.0)
 
 def test_an_array_has_all_chips_on_one_board_with_a_bus_for_each_set_of_addresses():
     """Two addresses for four chips: two channels of a switch, each with both supplies; every net is joined."""
-    array = grid_array(PAIR, 2, 2, 12.0)
+    array = ArrayDesign(PAIR, np.array([[0.0, 0.0], [14.0, 2.0], [3.0, 15.0], [17.0, 14.0]]), np.ones(4))
     made = array_board.board(base.array_plan(array, base.Base()))
     parts = by_name(made)
     for k, (x, y) in enumerate(array.places.tolist()):
@@ -370,6 +371,10 @@ def test_an_array_has_all_chips_on_one_board_with_a_bus_for_each_set_of_addresse
     pulled = {part.pads[1].net for part in made.parts if part.reference[0] == "R"}
     assert pulled == {"RESET", "SDA", "SCL", "SD0", "SC0", "SD1", "SC1"}
     assert board_check.nets_in(kicad_schematic.schematic(made, "array")) == board_check.nets_of(made)
+    for via in made.vias:
+        at = shapely.Point(via.at)
+        ends = {t.below for t in made.tracks if t.net == via.net and shapely.LineString(t.points).distance(at) < 1e-3}
+        assert via.net == "GND" or ends == {False, True}
     # all that the list of parts counts is on the board before its tracks are found
     whole = base.array_plan(array, base.Base())
     assert board_files.bill(parts_list.board_of(PAIR, whole.one, whole)) == board_files.bill(made)

@@ -1,8 +1,8 @@
 """Marks engraved into level faces: solids to cut from a part, made of straight strokes, without fonts. All in mm.
 
 The mould gets A on the lid, B on the foot, and on the foot's opposite corner N or S: the pole of the magnet that
-faces up, out of the mould, when the magnet is put into its pocket. No mark touches the cavity, a fit or the rim.
-The base gets grooves in the edge of its upper face: one at +x, two at +y.
+faces up, out of the mould, when the magnet is put into its pocket, unless the poles of an array differ. No mark
+touches the cavity, a fit or the rim. The base gets grooves in the edge of its upper face: one at +x, two at +y.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ def mold_marks(design: Design, mold: Mold, s: Sizes) -> tuple[list[Solid], list[
     a = strokes("A", (far_x + start + on_lid / 2, 0.0), lid, width, s.lid)
     corner = far_x + s.rim - MARGIN - foot / 2, far_y + s.rim - MARGIN - foot / 2
     b = strokes("B", corner, foot, width, s.bottom + s.floor)
-    if design.shape.has_magnet:
+    if design.shape.has_magnet and len(set(mold.poles)) == 1:
         # in the mould the base is up: a north pole that points to the base faces up
         pole = "N" if design.magnet_north == "down" else "S"
         b += strokes(pole, (-corner[0], -corner[1]), foot, width, s.bottom + s.floor)

@@ -59,7 +59,9 @@ def wired(whole: ArrayPlan, thickness: float = BOARDS[0]) -> Board:
 
     made, ends = placed(whole, thickness)
     tracks, vias = track_router.routed(made, ends)
-    made = dataclasses.replace(made, tracks=(*made.tracks, *tracks), vias=(*made.vias, *vias))
+    found = (*made.tracks, *tracks)
+    # a net that runs on one face alone needs no hole at its chip
+    made = dataclasses.replace(made, tracks=found, vias=(*(via for via in made.vias if _joins(via, found)), *vias))
     board_layers.check_rules(made)
     return made
 
@@ -72,6 +74,17 @@ class Laid:
     tracks: list[Track] = field(default_factory=list)
     vias: list[Via] = field(default_factory=list)
     ends: list[Terminal] = field(default_factory=list)
+
+
+def _joins(via: Via, tracks: Sequence[Track]) -> bool:
+    """Return whether a via joins tracks of both faces; ground is on both."""
+    import shapely
+
+    at = shapely.Point(via.at)
+    near = {
+        each.below for each in tracks if each.net == via.net and at.distance(shapely.LineString(each.points)) < 1e-3
+    }
+    return via.net == "GND" or len(near) == 2
 
 
 def placed(whole: ArrayPlan, thickness: float = BOARDS[0]) -> tuple[Board, list[Terminal]]:
