@@ -174,8 +174,8 @@ def report(call: Call, folder: Results, /, *, no_solve: bool = False) -> int:
     """Make one HTML page of a folder of results, with figures that can be read off and the deformed sensor in 3D.
 
     The page needs no network. It shows whatever the folder and its sub-folders hold: comparisons, sweeps and their
-    error maps, the chart of cost and error, robustness, verification, maps of the beam assumption, claims, sizing
-    and uncertainty, with versions and commands. What it leaves out it names.
+    error maps, the chart of cost and error, robustness, verification, maps of the beam assumption, claims, sizing,
+    uncertainty, arrays and surroundings, with versions and commands. What it leaves out it names.
 
     Parameters
     ----------

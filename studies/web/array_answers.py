@@ -168,4 +168,5 @@ def _message(sensor: Sensor, errors: dict[str, Array]) -> str:
         texts = [text] * (lost < len(known)) + [f"no force of {lost} beam{'s' * (lost > 1)}"] * bool(lost)
         said.append(f"{words} {' and '.join(texts)}")
     pitch = f"{len(sensor.array)} beams, the nearest {sensor.array.pitch:.4g} mm apart."
-    return f"Largest error of the force: {'; '.join(said)}. {pitch} {sensor.words} Both decoders are tared at rest."
+    rules = "Both decoders are tared at rest, and take a magnet that seems to rise for one without a load."
+    return f"Largest error of the force: {'; '.join(said)}. {pitch} {sensor.words} {rules}"

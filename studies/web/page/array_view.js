@@ -4,6 +4,8 @@
 const ArrayView = (() => {
   const WIDTH = 400;
   const LEGEND = 108;
+  // force along the plate that is rounding, N
+  const NONE = 1e-6;
   const NAMES = { set: "as set", jointly: "decoded jointly", ignoring: "neighbours ignored" };
   const WAYS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
   const { number, short, mix, VIRIDIS } = Format;
@@ -36,7 +38,7 @@ const ArrayView = (() => {
     const xs = data.places.map(([x]) => x);
     const ys = data.places.map(([, y]) => y);
     const forces = every.flatMap((one) => Object.values(one.forces).flat()).filter(known);
-    const along = Math.max(...forces.map(([x, y]) => Math.hypot(x, y)));
+    const along = Math.max(...forces.map(([x, y]) => Math.hypot(x, y)).filter((size) => size > NONE), 0);
     const room = 0.75 * data.diameter;
     const [left, top] = [Math.min(...xs) - data.diameter, Math.max(...ys) + data.diameter];
     const wide = Math.max(...xs) - Math.min(...xs) + 2 * data.diameter;
