@@ -24,7 +24,7 @@ from geometry.base import Base, plan
 from geometry.design import BadInput, paper
 from studies.cli import main
 from studies.sensing import crosstalk, decode_readings
-from studies.sensing.array_readings import FAR_ERROR, ArrayDecoder, frame_status, with_reach
+from studies.sensing.array_readings import FAR_ERROR, ArrayDecoder, frame_status, with_reaches
 from studies.sensing.disturbed_loads import loads_of
 from studies.sensitivity.decode_tolerances import frame_statuses
 
@@ -153,7 +153,7 @@ def test_the_reach_of_many_beams_makes_the_error_that_is_said(chips):
     (said,) = many.said
     assert f"of 30 beams, magnets farther than {near.reach:.3g} mm count as at rest" in said
     loads, full, _ = loads_of(chips, None)
-    _, stated, _ = with_reach(chips, replace(near, reach=math.inf), FAR_ERROR)
+    ((_, stated),), _ = with_reaches(chips, replace(near, reach=math.inf), [FAR_ERROR])
     assert f"{stated:.2g} N, {100 * stated / full:.1g} %" in said
     _, shift = crosstalk.random_loads(chips, loads, 240)
     frames = shift.reshape(8, 30, 3)

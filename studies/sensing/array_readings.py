@@ -219,24 +219,26 @@ NET = ("status", "force_x_N", "force_y_N", "force_z_N")
 """Columns of the whole frame."""
 
 
-def with_reach(coder: Decoder, beams: BeamArray, share: float) -> tuple[BeamArray, float, tuple[float, str]]:
-    """Return the beams with the least reach whose error is within a share of the range, that error, N, and the range.
+def with_reaches(
+    coder: Decoder, beams: BeamArray, shares: Sequence[float]
+) -> tuple[list[tuple[BeamArray, float]], tuple[float, str]]:
+    """Return for each share of the range the beams with the least reach whose error is within it, and that error, N.
 
-    The range is a force, N, and which one it is, in words.
+    Behind them the range: its force, N, and which one it is, in words.
     """
     loads, full, words = loads_of(coder, None)
     distances, errors = beam_arrays.errors_by_reach(coder, beams, loads.poses.shift)
-    least = int(np.flatnonzero(errors <= share * full)[0])
+    least = [int(np.flatnonzero(errors <= share * full)[0]) for share in shares]
     # beyond rounding of the distances
-    reach = float(distances[least]) * (1 + 1e-6)
-    return replace(beams, reach=math.inf if errors[least] == 0 else reach), float(errors[least]), (full, words)
+    reaches = np.where(errors > 0, distances * (1 + 1e-6), math.inf).tolist()
+    return [(replace(beams, reach=reaches[k]), float(errors[k])) for k in least], (full, words)
 
 
 def _near(coder: Decoder, beams: BeamArray) -> tuple[BeamArray, list[str]]:
     """Return the beams with the reach that their number needs, and what is to be said of it."""
     if len(beams) <= WHOLE:
         return beams, []
-    near, error, (full, words) = with_reach(coder, beams, FAR_ERROR)
+    ((near, error),), (full, words) = with_reaches(coder, beams, [FAR_ERROR])
     said = (
         f"of {len(beams)} beams, magnets farther than {near.reach:.3g} mm count as at rest for a beam: an error of "
         f"some {error:.2g} N, {100 * error / full:.1g} % of {full:.3g} N ({words})"

@@ -35,7 +35,7 @@ from studies.output import console, page_templates
 from studies.output.figures import LOG, Figure, panels, picture, rule, styles
 from studies.output.records import FlatRow
 from studies.output.result import Result, Table
-from studies.sensing.array_readings import FAR_ERROR, WHOLE, Grid, with_reach
+from studies.sensing.array_readings import FAR_ERROR, WHOLE, Grid, with_reaches
 from studies.sensing.decode_readings import Source
 from studies.sensing.disturbed_loads import Loads, loads_of, shifts_under
 
@@ -453,21 +453,22 @@ def costs(coder: Decoder, pitch: float, polarity: str, shift: Array, full: float
     found: list[FlatRow] = []
     for size in SIZES:
         whole = beam_array(coder.forward, size, size, pitch, polarity)
-        stated = {whole.reach: (whole, 0.0)}
-        for near, error, _ in (with_reach(coder, whole, share) for share in SHARES):
-            stated.setdefault(near.reach, (near, error))
+        stated = [(whole, 0.0), *with_reaches(coder, whole, SHARES)[0]]
+        errors = {near.reach: (near, error) for near, error in stated}
         frames = np.resize(shift, (2, len(whole), 3))
         readings = readings_of_array(whole, frames)
-        for near, error in stated.values():
-            decoded = beam_arrays.decoded_jointly(coder, near, readings, LIGHTER * frames)
+        for near, error in errors.values():
+            follow = partial(beam_arrays.decoded_jointly, coder, near, readings, LIGHTER * frames)
+            # what the array keeps is there before
+            _ = near.arguments, near.far
+            spent, decoded = _median_ms(follow, max(1, 2 * TIMED // len(whole)))
             off = np.linalg.norm(_forces(coder, decoded) - _forces(coder, frames), axis=-1)
-            follow = partial(beam_arrays.decoded_jointly, coder, near, readings[:1], LIGHTER * frames[:1])
             found.append({
                 "beams": len(whole), "neighbours": int(np.bincount(near.pairs[0]).max()) - 1,
                 "reach_mm": near.reach if math.isfinite(near.reach) else math.nan,
                 "stated_N": error, "stated_percent": 100 * error / full,
                 "error_N": float(off.max()), "error_percent": 100 * float(off.max()) / full,
-                "follow_ms": _median_ms(follow, max(3, 2 * TIMED // len(whole))),
+                "follow_ms": spent / len(frames),
             })  # fmt: skip
     return found
 
@@ -478,13 +479,14 @@ def _forces(coder: Decoder, shift: Array) -> Array:
     return response_surface.force_and_load(coder.mechanics, flat)[0].T.reshape(shift.shape)
 
 
-def _median_ms(decode: Callable[[], Any], repeats: int) -> float:
-    times = []
+def _median_ms(decode: Callable[[], Any], repeats: int) -> tuple[float, Any]:
+    """Return the median of the processor's times, ms, and what was decoded."""
+    times, found = [], None
     for _ in range(repeats):
         start = time.thread_time()
-        decode()
+        found = decode()
         times.append(1e3 * (time.thread_time() - start))
-    return float(np.median(times))
+    return float(np.median(times)), found
 
 
 def _cost(coder: Decoder, grid: Grid, pitch: float, shift: Array, full: float) -> dict[str, Any]:
@@ -496,7 +498,7 @@ def _cost(coder: Decoder, grid: Grid, pitch: float, shift: Array, full: float) -
     readings = readings_of_array(array, np.resize(shift, (1, TIMED, 3)))
     alone = partial(forces_of_decoders, coder, array, readings)
     follow = next(row["follow_ms"] for row in rows if row["beams"] == TIMED)
-    return {"decode_ms": _median_ms(alone, REPEATS), "follow_ms": follow, "cost": rows}
+    return {"decode_ms": _median_ms(alone, REPEATS)[0], "follow_ms": follow, "cost": rows}
 
 
 # The figure
