@@ -242,7 +242,7 @@ def picture_array(out):
         file.write_text('base = "paper"\n[array]\nrows = 3\ncolumns = 3\npitch = 12.0\npolarity = "checkerboard"\n')
         with server(design=file) as (_, address):
             sheet = opened(browser, f"{address}{ARRAY}", 1300, 900)
-            wait(sheet, SETTLED)
+            wait(sheet, "Explorer.answers.a.array")
             # the bar of the page would lie on it
             sheet.set_viewport_size({"width": 1300, "height": 1800})
             (out / "array.png").write_bytes(sheet.locator("#array-panel").screenshot())
