@@ -27,10 +27,10 @@ from studies.fabrication.circuit_board import CAPACITOR, PULL_UP, Circuit, Heade
 
 SWITCH: dict[str, Any] = tomllib.loads((Path(__file__).parents[1] / "parts" / "bus_switch.toml").read_text("utf-8"))
 """The switch between buses: see the file."""
-TAB, WIDE = 20.0, 28.0
-"""Length and width of the tab with a switch: the switch, pull-ups below it, tracks and header."""
-SPAN, ROW = 2.2, 3.2
-"""Distances of the capacitors and resistors below the switch along x and along y."""
+TAB, ROW = 20.0, 3.2
+"""Length of the tab with a switch, and distance along y of the rows of capacitors and resistors below the switch."""
+TABS = ((28.0, 2.2), (36.0, 2.8))
+"""Widths of such a tab and distances of its parts along x; the second is tried where the first leaves no way."""
 
 Wire = TypeVar("Wire", Track, Via, Pad)
 
@@ -57,8 +57,15 @@ def wired(whole: ArrayPlan, thickness: float = BOARDS[0]) -> Board:
     """Return the board of an array without ground and silkscreen; BadInput as `board`."""
     from studies.fabrication import track_router
 
-    made, ends = placed(whole, thickness)
-    tracks, vias = track_router.routed(made, ends)
+    for tab in TABS:
+        made, ends = placed(whole, thickness, tab)
+        try:
+            tracks, vias = track_router.routed(made, ends)
+        except NoRoom:
+            if tab == TABS[-1] or not made.channels:
+                raise
+        else:
+            break
     found = (*made.tracks, *tracks)
     # a net that runs on one face alone needs no hole at its chip
     made = dataclasses.replace(made, tracks=found, vias=(*(via for via in made.vias if _joins(via, found)), *vias))
@@ -87,8 +94,13 @@ def _joins(via: Via, tracks: Sequence[Track]) -> bool:
     return via.net == "GND" or len(near) == 2
 
 
-def placed(whole: ArrayPlan, thickness: float = BOARDS[0]) -> tuple[Board, list[Terminal]]:
-    """Return the board of an array with each chip's own tracks, and what is to be joined; BadInput as `board`."""
+def placed(
+    whole: ArrayPlan, thickness: float = BOARDS[0], size: tuple[float, float] = TABS[0]
+) -> tuple[Board, list[Terminal]]:
+    """Return the board of an array with each chip's own tracks, and what is to be joined; BadInput as `board`.
+
+    size : one of `TABS`.
+    """
     design = whole.array.design
     circuit = circuit_board.circuit_of(design)
     share, count = len(circuit.addresses), len(whole.array) * int(design.chip_count)
@@ -101,10 +113,10 @@ def placed(whole: ArrayPlan, thickness: float = BOARDS[0]) -> tuple[Board, list[
     supplies = circuit_board.supplies(circuit, min(share, count))
     laid = _chips(whole, circuit, supplies, buses)
     first, *others = reversed(dict.fromkeys(supplies))
-    header, tab = _header(whole, ("GND", first, "SDA", "SCL", *others), buses > 1)
+    header, tab = _header(whole, ("GND", first, "SDA", "SCL", *others), size[0] if buses > 1 else 0.0)
     laid.ends += [Terminal(net, (header.x(net), header.y)) for net in header.nets if net != "GND"]
     if buses > 1:
-        _add_switch(laid, f"U{count + 1}", header, tab[2] - tab[0], buses)
+        _add_switch(laid, f"U{count + 1}", header, (tab[2] - tab[0], size[1]), buses)
     else:
         parts, tracks = circuit_board.pull_ups(header, first)
         laid.parts, laid.tracks = laid.parts + parts, laid.tracks + tracks
@@ -152,20 +164,25 @@ def _renamed(thing: Wire, names: Mapping[str, str]) -> Wire:
     return dataclasses.replace(thing, net=names.get(thing.net, thing.net))
 
 
-def _header(whole: ArrayPlan, nets: Sequence[str], switch: bool) -> tuple[Header, tuple[float, float, float]]:
-    """Return the header on the tab in the middle of the base's edge, and left, low and right of the tab."""
+def _header(whole: ArrayPlan, nets: Sequence[str], wanted: float) -> tuple[Header, tuple[float, float, float]]:
+    """Return the header on the tab in the middle of the base's edge, and left, low and right of the tab.
+
+    wanted : width of the tab with a switch, where the base is as wide, mm; 0 without a switch.
+    """
     west, south, east, _ = whole.box
-    middle, low = (west + east) / 2, south - (TAB if switch else circuit_board.TAB)
+    middle, low = (west + east) / 2, south - (TAB if wanted else circuit_board.TAB)
     for pitch in (2.54, 1.27):
         header = Header(tuple(nets), pitch, middle, south, low)
-        wide = max(header.width, min(WIDE, east - west) if switch else 0.0)
+        wide = max(header.width, min(wanted, east - west))
         if wide <= east - west:
             return header, (middle - wide / 2, low, middle + wide / 2)
     raise NoRoom(f"a base of {east - west:.3g} mm is too narrow for a header of {len(nets)} pins")
 
 
-def _add_switch(laid: Laid, name: str, header: Header, wide: float, buses: int) -> None:
-    """Add the switch, its capacitor and all pull-ups to a tab of a width; its grounded pins are joined in its middle.
+def _add_switch(laid: Laid, name: str, header: Header, size: tuple[float, float], buses: int) -> None:
+    """Add the switch, its capacitor and all pull-ups to a tab; its grounded pins are joined in its middle.
+
+    size : width of the tab, and distance of the parts along x, mm.
 
     Channels 0 to 3 face the array, SDA and SCL the header.
     """
@@ -186,11 +203,11 @@ def _add_switch(laid: Laid, name: str, header: Header, wide: float, buses: int) 
     laid.vias.append(Via("GND", (x, y)))
     values = [(f"C{name[1:]}", CAPACITOR, "GND")]
     values += [(f"R{k}", PULL_UP, net) for k, net in enumerate(("RESET", "SDA", "SCL", *used), 1)]
-    columns = int((wide - 2 * (EDGE + 0.7)) / SPAN) + 1
+    columns = int((size[0] - 2 * (EDGE + 0.7)) / size[1]) + 1
     rows = [values[k : k + columns] for k in range(0, len(values), columns)]
     for row, group in enumerate(rows):
         for column, (reference, value, net) in enumerate(group):
-            at = x + (column - (len(group) - 1) / 2) * SPAN, y + ROW * (0.5 - row)
+            at = x + (column - (len(group) - 1) / 2) * size[1], y + ROW * (0.5 - row)
             parts.append(passive(reference, value, (supply, net), at, upright=True))
     laid.parts += parts
     laid.ends += [
