@@ -525,10 +525,16 @@ def test_arrays_that_cannot_be(run, tmp_path, table):
             "decode pads.toml --readings 1,2,3 --level paper",
             "--readings takes 12 numbers, S1,S2,S3 of each of 4",
         ),
-        ("decode pads.toml --calibration c.json --readings 1,2,3", "--calibration is of one sensor"),
+        (
+            "decode pads.toml --calibration c.json --readings 1,2,3",
+            "c.json is no calibration, since it states no format",
+        ),
         ("decode pads.toml --readings 1,2,3 --units T", "an array is decoded in the elements' unit"),
         ("firmware pads.toml --out o --ros2", "--ros2 writes a node for one sensor: leave it out"),
-        ("stream pads.toml --port rows.csv --calibration c.json", "--calibration is of one sensor"),
+        (
+            "stream pads.toml --port rows.csv --calibration c.json",
+            "c.json is no calibration, since it states no format",
+        ),
         (
             "decode pads.toml --readings 1,2,3 --reject-ambient",
             "which 12 readings do not tell: take two chips of three axes or more",

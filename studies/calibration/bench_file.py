@@ -3,6 +3,8 @@
 A head has its unit as a suffix (S1_V, Fz_N, load_g) or in brackets (F_x [N], S1 [mV]). Known are the time, the
 readings by the names of the design's elements, forces on the tip (z positive in compression), depth and shear of the
 plate, temperature and the number of a run. Cells may be empty. Several files are several runs.
+
+Of an array the column beam has the number of the beam that is pressed, 0 or nothing at rest.
 """
 
 from __future__ import annotations
@@ -31,6 +33,8 @@ NAMES = {
 """Heads without their unit, in small letters, and the columns that they mean."""
 IMPOSSIBLE = 100.0
 """Reading over the rail of its element beyond which a single cell is refused."""
+NO_FORCE = 0.1
+"""Force over the largest one beyond which a row of an array is not at rest."""
 FEWEST = 4
 """Least number of rows with all readings and a force: three readings alone tell no more than a pose."""
 
@@ -61,7 +65,10 @@ class Bench:
 
 
 def read(
-    files: Sequence[Path], design: Design, columns: Mapping[str, str] | None = None, force_sign: float = 1.0
+    files: Sequence[Path],
+    design: Design | ArrayDesign,
+    columns: Mapping[str, str] | None = None,
+    force_sign: float = 1.0,
 ) -> Bench:
     """Read bench files.
 
@@ -98,6 +105,40 @@ def read(
     table[present] = force_sign * table[present]
     _check(table, names, present, elements[0])
     return Bench(table, names, understood)
+
+
+def beams_of(bench: Bench, array: ArrayDesign) -> list[Bench]:
+    """Return the rows of each beam of an array, with those at rest, as those of a single sensor.
+
+    Raises
+    ------
+    BadInput
+        The column beam is missing, has another number, or a beam has no rows; a row at rest has a force.
+    """
+    table, n = bench.table, len(array)
+    if "beam" not in table:
+        raise BadInput("the bench of an array has no column beam: number the beam that each row presses, 0 at rest")
+    if "temperature_C" in table:
+        raise BadInput("temperatures of an array's bench are not used yet: delete their column")
+    beam = table["beam"].fillna(0.0)
+    if len(wrong := beam[~beam.isin(range(n + 1))]):
+        raise BadInput(f"beam must be a number from 1 to {n}, or 0 at rest; got {wrong.iloc[0]:g}")
+    forces = table[[name for name in FORCES if name in table]].abs().max(axis=1)
+    at_rest = forces[beam == 0]
+    if len(pressed := at_rest[at_rest > NO_FORCE * forces.max()]):
+        raise BadInput(
+            f"row {int(pressed.index[0]) + 1} names no beam, but has a force of {pressed.iloc[0]:.3g} N: state which "
+            "beam is pressed"
+        )
+    names, found = parts.columns(parts.of_design(array.design)), []
+    for k in range(1, n + 1):
+        if not (beam == k).any():
+            raise BadInput(f"no row presses beam {k}: press each of the {n} beams")
+        renamed = table.rename(columns={f"b{k}_{name}": name for name in names})
+        others = [name for name in bench.readings if not name.startswith(f"b{k}_")]
+        rows = renamed[(beam == 0) | (beam == k)].drop(columns=[*others, "beam"]).reset_index(drop=True)
+        found.append(Bench(rows, tuple(names), bench.understood))
+    return found
 
 
 def read_readings(file: Path, design: Design | ArrayDesign) -> tuple[Any, Array, Array | None, Array]:
@@ -145,6 +186,8 @@ def _read_file(
         found[column] = head
         if column == "run":
             table[column] = raw.cells(head)
+        elif column == "beam":
+            table[column] = raw.numbers(head, holes=True)
         else:
             table[column] = raw.numbers(head, holes=True) * (-sign if head in reversed_ else sign) * _factor(named)
         if column == "temperature_C":
@@ -189,8 +232,8 @@ def _meaning(head: str, given: str | None, names: Sequence[str], unit: str) -> t
     The element that measures a chip's axis z from above is chip_-z; chip_z is the chip's own axis.
     """
     stem, named = split_head(head)
-    if head.strip().lower() == "run":
-        return "run", "", 1.0
+    if (own_name := head.strip().lower()) in ("run", "beam"):
+        return own_name, "", 1.0
     name = given or stem
     own = {each.lower(): (each, 1.0) for each in names}
     own |= {each.lower().replace("_-", "_"): (each, -1.0) for each in names if "_-" in each}

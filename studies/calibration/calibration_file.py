@@ -12,6 +12,7 @@ import json
 import math
 from collections import Counter
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -24,6 +25,7 @@ from analytic.decode import Status, field_of
 from analytic.hall import converted
 from analytic.inverse.response_surface import Mechanics
 from analytic.time_series import RelaxingForce, zero_offset
+from geometry.array_design import ArrayDesign
 from geometry.arrays import Array
 from geometry.design import OF_TIME, BadInput, Design
 from geometry.loads import Load, check_load
@@ -44,6 +46,7 @@ from studies.sensing.decode_readings import QUANTILE
 if TYPE_CHECKING:
     from studies.output.records import FlatRow
 
+OF_ARRAY = "{path} is the calibration of an array: give its design file, with the table [array], to decode or stream"
 FORMAT = 2
 """Version of calibration.json: 1 had no digest, and the variances of priors grew, too."""
 
@@ -84,6 +87,32 @@ def as_text(
     })  # fmt: skip
 
 
+def array_text(
+    array: ArrayDesign, beams: Sequence[dict[str, Any]], warnings: Sequence[str], failures: Sequence[str]
+) -> str:
+    """Return the content of calibration.json for an array, from the records of its beams."""
+    return _signed({
+        "decoder": "array",
+        "places_mm": array.places.tolist(),
+        "poles": array.poles.tolist(),
+        "beams": list(beams),
+        "warnings": list(warnings),
+        "failures": list(failures),
+    })  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ArrayFit:
+    """The estimated sensor of each beam of an array.
+
+    places, poles : as in `ArrayDesign`; the magnets of the sensors lie as they do there.
+    """
+
+    beams: tuple[Fit, ...]
+    places: Array
+    poles: Array
+
+
 def regression_text(found: Regression, lag: float | None, warnings: Sequence[str] = ()) -> str:
     """Return the content of calibration.json for a regression: what who uses it is warned of."""
     record = force_regression.record_of(found)
@@ -110,6 +139,8 @@ def read(path: Path) -> Fit:
         As `read_any`, or it holds a regression.
     """
     found = read_any(path)
+    if isinstance(found, ArrayFit):
+        raise BadInput(OF_ARRAY.format(path=path))
     if isinstance(found, Regression):
         raise BadInput(
             f"{path} holds a regression, which knows neither magnet nor mechanics: give what magtip calibrate writes "
@@ -118,7 +149,28 @@ def read(path: Path) -> Fit:
     return found
 
 
-def read_any(path: Path) -> Fit | Regression:
+def array_of(path: Path, array: ArrayDesign) -> ArrayFit:
+    """Read calibration.json of an array.
+
+    Raises
+    ------
+    BadInput
+        The file is no calibration of an array, or one of another array or design.
+    """
+    found = read_any(path)
+    if not isinstance(found, ArrayFit):
+        raise BadInput(
+            f"{path} is the calibration of one sensor, and this design has a table [array]: calibrate the array, or "
+            "take a design file without that table"
+        )
+    alike = found.places.shape == array.places.shape and np.allclose(found.places, array.places, atol=1e-9)
+    if not alike or (found.poles != array.poles).any():
+        raise BadInput(f"{path} is the calibration of an array with other places or polarity: give its design file")
+    beams = [_for_design(path, fit, array.of_beam(k), reject_ambient=False) for k, fit in enumerate(found.beams)]
+    return ArrayFit(tuple(beams), found.places, found.poles)
+
+
+def read_any(path: Path) -> Fit | Regression | ArrayFit:
     """Read calibration.json.
 
     Raises
@@ -145,8 +197,12 @@ def read_any(path: Path) -> Fit | Regression:
     return found
 
 
-DECODERS: dict[str, Callable[[dict[str, Any]], Fit | Regression]]
-DECODERS = {"model": lambda record: _fit_of(record), "regression": force_regression.of_record}
+DECODERS: dict[str, Callable[[dict[str, Any]], Fit | Regression | ArrayFit]]
+DECODERS = {
+    "model": lambda record: _fit_of(record),
+    "regression": force_regression.of_record,
+    "array": lambda record: _array_of(record),
+}
 """What reads the record of each decoder."""
 
 
@@ -155,6 +211,12 @@ def _texts(record: dict[str, Any], name: str) -> list[str]:
     if not (isinstance(texts, list) and all(isinstance(text, str) for text in texts)):
         raise ValueError(f"{name} must be a list of sentences")
     return texts
+
+
+def _array_of(record: dict[str, Any]) -> ArrayFit:
+    beams = tuple(_fit_of(each) for each in record["beams"])
+    places = numbers_of("places_mm", record["places_mm"], len(beams), 2)
+    return ArrayFit(beams, places, numbers_of("poles", record["poles"], len(beams)))
 
 
 def _fit_of(record: dict[str, Any]) -> Fit:
@@ -206,6 +268,8 @@ def of_design(path: Path, design: Design, *, reject_ambient: bool = False) -> Fi
 def decoder_of(path: Path, design: Design, *, reject_ambient: bool = False) -> Fit | Regression:
     """Read calibration.json, of a model or of a regression, as `of_design` does."""
     found = read_any(path)
+    if isinstance(found, ArrayFit):
+        raise BadInput(OF_ARRAY.format(path=path))
     if isinstance(found, Fit):
         return _for_design(path, found, design, reject_ambient=reject_ambient)
     if reject_ambient:

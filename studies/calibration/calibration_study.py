@@ -479,7 +479,7 @@ def run(
     bench = bench_file.read(files, design, pairs("--column", options.columns or [], "S1=X0"), options.force_sign)
     recorded = dataclasses.replace(rows_of(design, bench), needed=needed)
     if options.decoder == "model":
-        return _modelled(design, recorded, options, (made, values), f"{command} --decoder regression", progress)
+        return modelled(design, recorded, options, (made, values), f"{command} --decoder regression", progress)[0]
     # the model beside it may fail, but not by an option
     sensor_fit.unknowns_of(design, bench, made, freed=options.free or [], fixed=values)
     if options.responses is not None:
@@ -487,7 +487,7 @@ def run(
     compared = regression_study.compared(design, recorded, options.force_noise)
     other = command.replace(" --decoder regression", "")
     try:
-        model: Result | str = _modelled(design, recorded, options, (made, values), command, progress)
+        model: Result | str = modelled(design, recorded, options, (made, values), command, progress)[0]
     except (BadInput, SolveFailed) as error:
         model = str(error)
     return regression_study.result(compared, model, other, figures)
@@ -512,24 +512,28 @@ def rows_of(design: Design, bench: Bench) -> Recorded:
     return Recorded(bench, measured, lag, rows, said, copied)
 
 
-def _modelled(
+def modelled(
     design: Design,
     recorded: Recorded,
     options: Calibrating,
     known: tuple[Tolerances, Mapping[str, float]],
     other: str,
     progress: Progress,
-) -> Result:
-    """Return the calibration by the model of the sensor.
+    stray: Array | float = 0.0,
+) -> tuple[Result, str]:
+    """Return the calibration by the model of the sensor, and the content of calibration.json.
 
     known : tolerances, and values of unknowns that are not estimated.
     other : command of the regression.
+    stray : of `sensor_fit.unknowns_of`.
     """
     bench, measured, rows, force_noise = recorded.bench, recorded.measured, recorded.rows, options.force_noise
     made, values = known
     solves = {"progress": lambda share, text: progress(0.1 * share, text)}
     law, source, error = mechanics_of(design, options.responses, solves)
-    un = sensor_fit.unknowns_of(design, bench, made, freed=options.free or [], fixed=values, model_error=error)
+    un = sensor_fit.unknowns_of(
+        design, bench, made, freed=options.free or [], fixed=values, model_error=error, stray=stray
+    )
     noise, noise_source = noise_of(design)
     k = len(noise)
     truth = measured[:, k : k + 3]
@@ -555,7 +559,7 @@ def _modelled(
         table, curve, force = held_out(found.sensor, measured, warmer, bench, rows, full, progress)
     except BadInput as error:
         raise BadInput(f"no sensor of this design has these rows ({error}): {check}") from None
-    summary = _summary(table)
+    summary = summary_of(table)
     if not doubtful and not odd and _failures(summary, ""):
         hint, _ = mistaken(sensor, measured[rows], warmer[rows], bench.readings)
     cause, remedy = shortcoming(found, sensor, recorded.force, float(summary[0]["inside_percent"]))
@@ -670,8 +674,8 @@ def _result(
     outliers: Sequence[str],
     drawn: Callable[[], list[Figure]],
     needed: Requirements | None,
-) -> Result:
-    sensor, design, summary = found.sensor, found.sensor.design, _summary(tables["held_out"])
+) -> tuple[Result, str]:
+    sensor, design, summary = found.sensor, found.sensor.design, summary_of(tables["held_out"])
     said, warnings = [*sentences(found), advice(found, needed)], _warnings(found, tables, outliers, summary[0])
     best = regression_study.best_of(tables["decoders"][1:])
     why = regression_study.why_model(summary[0], best, str(origin["other"]))
@@ -704,7 +708,7 @@ def _result(
     text = calibration_file.as_text(
         found, origin["mechanics"], origin["lag_s"], regression_study.lasting(warnings), failures
     )
-    return Result(
+    result = Result(
         title="Calibration",
         records=[record],
         shown=[
@@ -725,9 +729,10 @@ def _result(
         failures=failures,
         design=dataclasses.asdict(design),
     )
+    return result, text
 
 
-def _summary(table: Rows) -> list[FlatRow]:
+def summary_of(table: Rows) -> list[FlatRow]:
     """Return the errors over all held-out rows, by method."""
     found = []
     for method in METHODS:

@@ -127,6 +127,7 @@ def unknowns_of(
     freed: Sequence[str] = (),
     fixed: Mapping[str, float] = {},
     model_error: float = 0.0,
+    stray: Array | float = 0.0,
 ) -> Unknowns:
     """Return the unknowns that a bench can have, with their priors.
 
@@ -135,6 +136,8 @@ def unknowns_of(
     freed : names whose prior is ten times as wide.
     fixed : values of unknowns that are not estimated.
     model_error : relative standard deviation of the model's forces.
+    stray : standard deviations (k,) of what is constant in the readings beside the nulls, such as the field of
+        neighbours at rest, in the elements' unit.
     """
     part, unit = ("hall", "V") if design.hall_layout == "three" else ("chip", "T")
 
@@ -153,7 +156,10 @@ def unknowns_of(
         *((f"magnet_{axis}", "mm", 0.0, sigma(f"magnet_{axis}")) for axis in "xyz"),
         *((f"tilt_{axis}", "rad", 0.0, math.radians(sigma("magnet_tilt"))) for axis in "xy"),
         *((f"gain_{name}", "1", 1.0, sigma(f"{part}_gain") / 100) for name in bench.readings),
-        *((f"null_{name}", unit, 0.0, sigma(f"{part}_null")) for name in bench.readings),
+        *(
+            (f"null_{name}", unit, 0.0, math.hypot(sigma(f"{part}_null"), more))
+            for name, more in zip(bench.readings, np.broadcast_to(stray, len(bench.readings)).tolist(), strict=True)
+        ),
         *((f"ambient_{axis}", "T", 0.0, AMBIENT) for axis in "xyz"),
     ]
     # the axes of a chip are at one place; even of one chip it is not as if the magnet were displaced, whose offset

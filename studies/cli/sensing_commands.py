@@ -172,9 +172,10 @@ def calibrate(
         compression; if measured depth_mm, shear_x_mm, shear_y_mm, time_s, temperature_C (or _K), run. Empty cells are
         allowed.
     out
-        Folder for calibration.json, which `decode --calibration` reads, design.toml, CALIBRATION.md, tables, picture.
+        Folder for calibration.json, which `decode --calibration` reads, design.toml, CALIBRATION.md, tables, picture;
+        of an array one calibration.json with the sensor of each beam.
     """
-    from studies.calibration import calibration_study, magnet_scan
+    from studies.calibration import array_calibration, calibration_study, magnet_scan
     from studies.parts.part_tolerances import parse_tolerances
     from studies.parts.requirements import stated_requirements
     from studies.sensing import array_readings
@@ -182,13 +183,11 @@ def calibrate(
     names = magnet_scan.FILES if options.scan else calibration_study.FILES
     here = call.here(names, [*bench, options.responses])
     design = call.design()
-    if array_readings.stated_array(call.source, design) is not None:
-        raise BadInput(
-            "calibrate takes rows of one sensor: take a design file without [array], and calibrate each beam"
-        )
     if not options.scan:
         made = parse_tolerances(options.tolerances or [], design, call.source)
-        needed = stated_requirements(call.source)
+        needed, array = stated_requirements(call.source), array_readings.stated_array(call.source, design)
+        if array is not None:
+            return publish(partial(array_calibration.run, array, made, needed, bench, options), here)
         return publish(partial(calibration_study.run, design, made, needed, bench, options, call.command), here)
     if len(bench) > 1 or options != option_groups.Calibrating(scan=True):
         raise BadInput("--scan takes one file and no options of presses: leave the others out")
@@ -264,21 +263,30 @@ def _decode_array(call: Call, array: ArrayDesign, decoding: option_groups.Decodi
     from studies.sensing import array_readings, decode_readings
     from studies.sensitivity import decode_tolerances
     from studies.simulation import mechanics_sources
-    from studies.streaming.live_stream import ONE_BEAM
 
-    if decoding.calibration is not None:
-        raise BadInput(ONE_BEAM)
     if decoding.units or decoding.ignore_tilt or (decoding.file is not None and call.out is None and call.as_json):
         raise BadInput(
             "an array is decoded in the elements' unit, with the tilt of its mechanics, and its rows go to a table: "
             "leave --units and --ignore-tilt out, and --json without --out"
         )
-    made = parse_tolerances(decoding.tolerances or [], array.design, call.source)
-    source = mechanics_sources.source_of(array.design, decoding.source)
-    coder = decode_readings.prepare(array.design, source)
-    decoder = array_readings.ArrayDecoder(
-        array, coder, decode_tolerances.frame_statuses(coder, made), reject_ambient=decoding.reject_ambient
-    )
+    rejects = decoding.reject_ambient
+    if decoding.calibration is not None:
+        from studies.calibration import calibrated_array, calibration_file
+
+        if decoding.source != SourceOfLoad() or decoding.tolerances or decoding.temperature is not None:
+            raise BadInput(
+                "--calibration of an array gives mechanics and sensors: leave --level, --responses, --tolerance and "
+                "--temperature out"
+            )
+        fits = calibration_file.array_of(decoding.calibration, array)
+        decoder: array_readings.ArrayDecoder = calibrated_array.CalibratedArray(array, fits, reject_ambient=rejects)
+        source = decode_readings.Source("calibration", fits.beams[0].sensor.mechanics, "of each beam")
+    else:
+        made = parse_tolerances(decoding.tolerances or [], array.design, call.source)
+        source = mechanics_sources.source_of(array.design, decoding.source)
+        coder = decode_readings.prepare(array.design, source)
+        statuses = decode_tolerances.frame_statuses(coder, made)
+        decoder = array_readings.ArrayDecoder(array, coder, statuses, reject_ambient=rejects)
     if decoding.readings is not None:
         return show(array_readings.decode_text(decoder, decoding.readings, source), call.screen)
     with atomic_files.sole_writer(call.out):
@@ -368,7 +376,7 @@ def firmware(
     from studies.parts.part_tolerances import parse_tolerances
     from studies.parts.requirements import stated_requirements
     from studies.sensing import array_readings
-    from studies.streaming import live_stream, ros2_package
+    from studies.streaming import ros2_package
 
     calibration = exporting.calibration
     here = call.here((*decoder_export.FILES, *ros2_package.FILES), [exporting.source.responses, calibration])
@@ -378,7 +386,10 @@ def firmware(
     design = call.design()
     array = array_readings.stated_array(call.source, design)
     if array is not None and calibration is not None:
-        raise BadInput(live_stream.ONE_BEAM)
+        raise BadInput(
+            "the calibration of an array has a sensor for each beam, and the decoder in C has one for all: decode by "
+            "magtip decode or stream, or leave --calibration out"
+        )
     made = parse_tolerances(exporting.tolerances or [], design, call.source)
     needed = stated_requirements(call.source)
     if array is not None and ros2:

@@ -279,10 +279,22 @@ class ArrayDecoder:
         rows = readings.reshape(-1, self._shape[1])
         return decode_readings.in_tesla(self.stream.coder.forward.elements, rows, None).reshape(-1, *self._shape)
 
+    def zero(self, fields: Array) -> None:
+        """Take frames of fields (m, n, k), T, for those of the array at rest."""
+        self.stream.zero(fields)
+
     def frame(self, fields: Array, time: float | None) -> tuple[Frame, list[Status]]:
         """Decode a frame of fields (n, k), T, and return the statuses of its beams."""
         found = self.stream.step(fields, time)
         return found, self._statuses(found)
+
+    def half_widths(self, shift: Array) -> Array | None:
+        """Return half of the 90 % intervals (f, n, 3), N, of forces at shifts (f, n, 3), mm; None without any."""
+        return None
+
+    def rows(self, fields: Array, times: Sequence[float | None]) -> list[tuple[Any, ...]]:
+        """Return the columns of frames of fields (f, n, k), T."""
+        return [self.row(*each) for each in zip(fields, times, strict=True)]
 
     def row(self, fields: Array, time: float | None) -> tuple[Any, ...]:
         """Return the columns of a frame of fields (n, k), T."""
@@ -328,6 +340,8 @@ def decode_text(decoder: ArrayDecoder, text: str, source: Source) -> Result:
         }
         for k in range(n)
     ]
+    if (half := decoder.half_widths(found.shift[None])) is not None:
+        beams = [row | {"half_width_N": wide} for row, wide in zip(beams, half[0].tolist(), strict=True)]
     status = frame_status(words, found.force)
     record = {
         "status": status,
@@ -369,9 +383,8 @@ def decode_file(
     if decoding.zero is not None:
         full = at_rail(elements, fields.reshape(len(rows), -1).T).T
         rest = decode_readings.rows_at_rest(decoding, values, times, full)
-        decoder.stream.zero(np.where(full.reshape(fields.shape), np.nan, fields)[rest])
-    moments = [None] * len(rows) if times is None else times.tolist()
-    found = [decoder.row(frame, moment) for frame, moment in zip(fields, moments, strict=True)]
+        decoder.zero(np.where(full.reshape(fields.shape), np.nan, fields)[rest])
+    found = decoder.rows(fields, [None] * len(rows) if times is None else times.tolist())
     write_rows(target, [*head, *added], rows, found)
     counts = Counter(row[0] for row in found)
     said = [f"{n} of {len(rows)} frames {w}: {decode_readings.WHY[w]}" for w, n in counts.items() if w != "ok"]

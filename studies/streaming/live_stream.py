@@ -64,10 +64,6 @@ RECENT = 2000
 TARE = 0.5
 """Time, s, whose readings a zero takes when it is asked for."""
 Sensor = Design | ArrayDesign
-ONE_BEAM = (
-    "--calibration is of one sensor, and this design has a table [array]: decode by the design, or a beam by itself "
-    "with a file without that table"
-)
 FOUND = ("status", *(f"{name}_{axis}_{unit}" for name, unit in (("force", "N"), ("shift", "mm")) for axis in "xyz"))
 HALF = ("half_width_x_N", "half_width_y_N", "half_width_z_N")
 """Columns of a row: those of `decode --file`; with a calibration also half of the force's 90 % interval."""
@@ -224,12 +220,19 @@ class Arrayed:
     thermal = False
 
     def __init__(self, array: ArrayDesign, options: Streaming, jitter: float) -> None:
-        source = mechanics_sources.source_of(array.design, options.source)
-        self.said = [*source.said, *[source.warning] * bool(source.warning)]
-        coder = decode_readings.prepare(array.design, source)
-        self._decoder = ArrayDecoder(
-            array, coder, frame_statuses(coder), jitter, reject_ambient=options.reject_ambient
-        )
+        self.said, rejects = list[str](), options.reject_ambient
+        if options.calibration is not None:
+            from studies.calibration import calibrated_array, calibration_file
+
+            found = calibration_file.array_of(options.calibration, array)
+            self._decoder: ArrayDecoder = calibrated_array.CalibratedArray(
+                array, found, jitter, reject_ambient=rejects
+            )
+        else:
+            source = mechanics_sources.source_of(array.design, options.source)
+            self.said += [*source.said, *[source.warning] * bool(source.warning)]
+            coder = decode_readings.prepare(array.design, source)
+            self._decoder = ArrayDecoder(array, coder, frame_statuses(coder), jitter, reject_ambient=rejects)
         self.said += self._decoder.said
         self.columns = self._decoder.columns
         rest = np.zeros((len(array), 3)), np.zeros((len(array), 2))
@@ -237,11 +240,10 @@ class Arrayed:
         self._decoder.stream.step(readings_in_poses(array, *rest)[0])
 
     def zero(self, readings: Array, temperatures: Array) -> None:
-        self._decoder.stream.zero(self._decoder.fields(readings))
+        self._decoder.zero(self._decoder.fields(readings))
 
     def rows(self, times: Sequence[float], readings: Array, temperatures: Array) -> Iterator[tuple[Any, ...]]:
-        for moment, fields in zip(times, self._decoder.fields(readings), strict=True):
-            yield self._decoder.row(fields, moment)
+        yield from self._decoder.rows(self._decoder.fields(readings), times)
 
 
 def _loaded(stream: Stream) -> Stream:
@@ -263,21 +265,18 @@ class Live:
         jitter = 0.0 if options.clock or is_file(options) else JITTER
         self._of_frame, self._warmth = reader(design, options), thermometer(design, options)
         self._decoder: Nominal | Calibrated | Regressed | Arrayed
-        if options.calibration is None:
-            if options.temperature is not None:
-                raise BadInput("--temperature works with --calibration only: leave it out")
-            if isinstance(design, ArrayDesign):
-                self._decoder = Arrayed(design, options, jitter)
-            else:
-                self._decoder = Nominal(design, options, jitter)
-        elif isinstance(design, ArrayDesign):
-            raise BadInput(ONE_BEAM)
+        if options.calibration is not None and options.source != SourceOfLoad():
+            raise BadInput("--calibration gives the mechanics: leave --level and --responses out")
+        if options.temperature is not None and (options.calibration is None or isinstance(design, ArrayDesign)):
+            raise BadInput("--temperature works with --calibration only, that of a single sensor: leave it out")
+        if isinstance(design, ArrayDesign):
+            self._decoder = Arrayed(design, options, jitter)
+        elif options.calibration is None:
+            self._decoder = Nominal(design, options, jitter)
         else:
             from studies.calibration import calibration_file
             from studies.calibration.sensor_fit import Fit
 
-            if options.source != SourceOfLoad():
-                raise BadInput("--calibration gives the mechanics: leave --level and --responses out")
             fit = calibration_file.decoder_of(options.calibration, design, reject_ambient=options.reject_ambient)
             calibration_file.given_temperature(fit, options.temperature)
             if isinstance(fit, Fit):
