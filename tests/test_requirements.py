@@ -591,7 +591,7 @@ def test_requirements_have_the_same_box(name):
 def test_every_file_of_requirements_is_valid():
     folder = SENSORS["MagOne"]["requirements"].parent
     files = sorted(file for file in folder.glob("*.toml") if "force_z" in file.read_text("utf-8"))
-    assert len(files) == 19
+    assert len(files) == 18
     for file in files:
         requirements = read_requirements(str(file))
         # two of them leave the bandwidth to the Hall parts

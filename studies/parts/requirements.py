@@ -119,9 +119,7 @@ def _of_decoding(of: Figures, needed: Requirements) -> Array:
 
 
 def _of_ambient(of: Figures, needed: Requirements) -> Array:
-    # a turn by an angle changes a field by the chord
-    chord = 2 * np.sin(np.radians(needed.ambient_turn) / 2)
-    change = needed.ambient_field * chord
+    change = needed.ambient_change
     # no field moves no force, also where a field would move it without a bound
     return np.asarray(of["ambient"] * change) if change else np.where(np.isnan(of["ambient"]), np.nan, 0.0)
 
@@ -325,6 +323,8 @@ class Requirements:
         if low is not None and high is not None and not low <= high:
             raise BadInput(f"D: the range must be [low, high] with low <= high; got {low:g} and {high:g} mm")
         least = low or 0.0
+        if self.pitch is not None and not self.pitch > least:
+            raise BadInput(f"beams overlap: pitch must exceed the diameter D = {least:g} mm; got {self.pitch:g} mm")
         if self.outer_size is not None and not self.outer_size >= least:
             raise BadInput(f"outer_size must be at least the diameter D = {least:g} mm; got {self.outer_size:g} mm")
         if self.height is not None and not self.height > LEAST_SLENDERNESS * least:
@@ -355,6 +355,17 @@ class Requirements:
         shares = (1 / 3, 2 / 3, 1.0) if dense else (1.0,)
         sheared = [(press, share * force_x) for press in np.linspace(least, top, 3).tolist() for share in shares]
         return np.array([*pure, *sheared])
+
+    @property
+    def ambient_change(self) -> float:
+        """Change of a uniform field by the turn, T: it changes by the chord."""
+        return float(self.ambient_field * 2 * np.sin(np.radians(self.ambient_turn) / 2))
+
+    @property
+    def fewest_chips(self) -> int:
+        """Least number of 3-axis chips with which an ambient field is told from a pose: the beams of an array that is
+        decoded jointly have one field in common."""
+        return 2 if self.pitch is not None and self.decoder == "jointly" else LEAST_CHIPS
 
     @property
     def base(self) -> Base:
@@ -452,7 +463,7 @@ def design_table(needed: Requirements | None) -> str:
         return ""
     rows = [row for row in needed.rows() if row["state"] == "set"]
     lines = [f"{row['requirement']} = {literal(row['value'])}  # {row['unit']}" for row in rows]
-    if needed.cross_talk is not None:
+    if needed.pitch is not None:
         lines += [f"{name} = {literal(getattr(needed, name))}" for name in ("decoder", "polarity")]
     return "\n".join(["", "[requirements]", *lines, ""])
 
@@ -460,10 +471,11 @@ def design_table(needed: Requirements | None) -> str:
 def read_requirements(path: str) -> Requirements:
     """Read the requirements in a TOML file; catalogues are relative to the file's folder."""
     needed = _of_values(path, path, checked(path, toml_table(path, "file"), KINDS))
-    if needed.reject_ambient and needed.chips < LEAST_CHIPS:
+    fewest = needed.fewest_chips
+    if needed.reject_ambient and needed.chips < fewest:
         raise BadInput(
-            f"{path}: reject_ambient needs {LEAST_CHIPS} chips of three axes, and chips = {needed.chips} allows "
-            f"fewer: set chips = {LEAST_CHIPS}, or leave it out"
+            f"{path}: reject_ambient needs {fewest} chips of three axes, and chips = {needed.chips} allows "
+            f"fewer: set chips = {fewest}, or leave it out"
         )
     return needed
 

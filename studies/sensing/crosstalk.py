@@ -277,7 +277,7 @@ def errors_of_array(
     else:
         decoded = forces_of_decoders(coder, array, readings_of_array(array, shift))
     for name in DECODERS:
-        found |= _errors(name, decoded[name], force, full)
+        found |= errors(name, decoded[name], force, full)
     return found | {
         "stray_at_rest_mT": 1e3 * float(np.abs(stray).max()),
         "stray_change_mT": 1e3 * _change_of_stray(array, shift),
@@ -300,7 +300,8 @@ def forces_of_decoders(coder: Decoder, array: BeamArray, readings: Array) -> dic
     return {name: force.reshape(shape) for name, force in zip(DECODERS, forces, strict=True)}
 
 
-def _errors(name: str, decoded: Array, force: Array, full: float) -> FlatRow:
+def errors(name: str, decoded: Array, force: Array, full: float) -> FlatRow:
+    """Return worst and median error of decoded forces (..., 3), N, of those that are known, and the share without."""
     error = np.linalg.norm(decoded - force, axis=-1)
     known = error[np.isfinite(error)]
     worst, median = (float(known.max()), float(np.median(known))) if len(known) else (math.nan, math.nan)
@@ -331,7 +332,7 @@ def _sparse(coder: Decoder, array: BeamArray, force: Array, shift: Array, full: 
     for name, over_pitch in REACHES.items():
         near = replace(array, reach=over_pitch * array.pitch)
         decoded = forces_of_decoders(coder, near, readings)["jointly"]
-        rows.append({"neighbours": name, "reach_mm": near.reach} | _errors("error", decoded, force, full))
+        rows.append({"neighbours": name, "reach_mm": near.reach} | errors("error", decoded, force, full))
     return rows
 
 

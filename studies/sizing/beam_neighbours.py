@@ -17,12 +17,14 @@ push each other, as dipoles side by side do; what that changes with their shifts
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from analytic.decode import decoder
+from analytic.beam_arrays import BeamArray, decoded_jointly, readings_of_array, shifts_alone
+from analytic.decode import Decoder, decoder, state
+from analytic.inverse.ambient_field import directions
 from analytic.inverse.forward_model import readings_of_sensors
 from analytic.magnet import MU_0
 from geometry.array_design import POLARITIES, layout_of, poles_of
@@ -145,8 +147,9 @@ def proved(design: Design, needed: Requirements) -> FlatRow:
     """
     assert needed.pitch is not None
     source = mechanics_sources.source_of(design)
-    several = design.hall_layout != "three" and design.chip_count >= LEAST_CHIPS
-    coder = decoder(design, source.law, reject_ambient=needed.reject_ambient and several)
+    several = needed.reject_ambient and design.chip_count >= needed.fewest_chips
+    in_common = several and needed.fewest_chips < LEAST_CHIPS
+    coder = decoder(design, source.law, reject_ambient=several and not in_common)
     loads, full, _ = loads_of(coder, needed)
     count = crosstalk.FRAMES * SIDE**2
     drawn = crosstalk.random_loads(coder, loads, count)
@@ -156,9 +159,25 @@ def proved(design: Design, needed: Requirements) -> FlatRow:
         grid = Grid(SIDE, SIDE, needed.pitch, polarity)
         array = grid.array(coder, needed.pitch, polarity)
         row = crosstalk.errors_of_array(coder, array, polarity, (force, shift), full)
+        if in_common and row["status"] == "ok":
+            row |= _in_a_field(coder, array, (force, shift), needed)
         change = crosstalk.change_of_forces(array, shift) if row["status"] == "ok" else math.nan
         rows.append(row | {"magnets_change_N": change, "mechanics": source.name})
     return min(rows, key=lambda row: _total(row, needed))
+
+
+def _in_a_field(coder: Decoder, array: BeamArray, drawn: tuple[Array, Array], needed: Requirements) -> FlatRow:
+    """Return the error of joint decoding in the required field, turned, which is the same for all beams, N."""
+    (force, shift), n = drawn, len(array)
+    field = needed.ambient_change / math.sqrt(3) * directions(coder.forward.elements).sum(axis=1)
+    read, beams = readings_of_array(array, shift) + field, replace(array, ambient=True)
+    start = 0 * shift
+    for _ in range(2):
+        found = shifts_alone(coder, beams, read, start)
+        start = np.where(np.isfinite(found), found, start)
+    joint = decoded_jointly(coder, beams, read, start)
+    decoded = state(coder, np.ascontiguousarray(joint.reshape(-1, 3).T))[1].T.reshape(len(shift), n, 3)
+    return crosstalk.errors("jointly", decoded, force, needed.force_z)
 
 
 def _total(row: FlatRow, needed: Requirements) -> float:

@@ -51,7 +51,7 @@ from studies.beam.beam_curves import (
 )
 from studies.beam.beam_model import RatedBeams
 from studies.parts.catalogues import PRESS_GAP, SPRING_GAP
-from studies.parts.requirements import MOST, SINGULAR, Requirements
+from studies.parts.requirements import LEAST_CHIPS, MOST, SINGULAR, Requirements
 from studies.sensing.disturbances import SILICONE_EXPANSION
 from studies.sizing.beam_neighbours import Poses, estimated
 from studies.sizing.sensor_arrays import Sensors
@@ -458,7 +458,8 @@ class _Rated:
         found = {"resolution_z": (noise[2], 1), "resolution_x": (np.maximum(*noise[:2]), 1), "decoding": (turned, -1)}
         found["drift"] = drift, 1
         if self.needed.ambient_error is not None:
-            found["ambient"] = _largest_singular_value(np.stack(more[1:], axis=-1).transpose(1, 2, 0, 3)), 1
+            by_field = _largest_singular_value(np.stack(more[1:], axis=-1).transpose(1, 2, 0, 3))
+            found["ambient"] = np.where(self._in_common[:, None], 0 * by_field, by_field), 1
         if self.needed.temperature_error is not None:
             forces = [np.tile(each[:, self.load], 2) for each in self._forces(1.0)]
             size = np.abs(np.array([cos * forces[1], sin * forces[1], forces[0]]))
@@ -483,13 +484,20 @@ class _Rated:
         bulging = 1 / np.sqrt(1 - np.minimum(depth / (s.L / s.D - 0.5), 0.9))
         return np.asarray(np.maximum(s.room, s.D * (bulging + 2 * shear)))
 
+    @property
+    def _in_common(self) -> NDArray[np.bool_]:
+        """Whether the beams of an array reject a field that is the same for all; it costs the less the more beams."""
+        needed = self.needed
+        enough = np.isfinite(self.sensors.noise).sum(axis=1) >= 3 * needed.fewest_chips
+        return np.asarray(enough & (needed.reject_ambient and needed.fewest_chips < LEAST_CHIPS))
+
     def _free(self) -> Array:
         """Return (n, 1, k, k) what takes off weighted readings what a uniform field explains; it changes nothing of
-        sensors of fewer than nine readings."""
+        sensors of fewer than nine readings, nor of an array whose beams have the field in common."""
         s = self.sensors
         weight = np.nan_to_num(s.noise[:, :1] / s.noise)
         free = np.tile(np.eye(weight.shape[1]), (len(s), 1, 1))
-        rows = np.flatnonzero((weight > 0).sum(axis=1) >= FEWEST)
+        rows = np.flatnonzero(((weight > 0).sum(axis=1) >= FEWEST) & ~self._in_common)
         directions = s.normals[rows][:, np.flatnonzero(np.diff(s.owners, prepend=-1))] * weight[rows][..., None]
         free[rows] -= directions @ np.linalg.pinv(directions)
         return free[:, None]
