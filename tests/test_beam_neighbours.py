@@ -104,8 +104,19 @@ def test_pressed_beams_take_more_room_than_those_at_rest():
     assert reached().values["room"][0] == sensors.room[0] > hard
 
 
+def test_beams_that_are_decoded_jointly_have_one_field_in_common_from_two_chips_on():
+    needed = dataclasses.replace(NEEDED, decoder="jointly", reject_ambient=True, ambient_error=0.02)
+    assert (needed.fewest_chips, dataclasses.replace(needed, decoder="subtracting").fewest_chips) == (2, 3)
+    one, two = (reached(needed, chips=chips, wider=0.4 * (chips - 1)) for chips in (1, 2))
+    assert two.values["ambient"][0] == 0 < one.values["ambient"][0]
+    # joint decoding finds the poses in a field that it does not know, of all frames
+    row = beam_neighbours.proved(candidate(chips=2, wider=0.4).variant(0).design, needed)
+    assert row["jointly_N"] < 1e-6
+    assert row["jointly_no_force_percent"] == 0
+
+
 def test_a_pitch_that_no_beam_fits_is_impossible_at_once():
-    (said,) = conflicts.impossible(dataclasses.replace(NEEDED, pitch=3.0, D_low=3.0), catalogues_of(NEEDED))
+    (said,) = conflicts.impossible(dataclasses.replace(NEEDED, pitch=3.0, D_low=2.0), catalogues_of(NEEDED))
     assert said.startswith("pitch of 3 mm is impossible: the least is")
 
 
@@ -146,6 +157,8 @@ def test_the_design_file_states_the_array_and_how_it_is_decoded(tmp_path):
     [
         ('cross_talk = "1 %"', "cross_talk is that of an array, and needs its pitch"),
         ('pitch = "8 mm"\npolarity = "down"', "polarity"),
+        ('pitch = "8 mm"\nD = "9 mm"', "beams overlap: pitch must exceed the diameter D = 9 mm; got 8 mm"),
+        ('pitch = "8 mm"\ndecoder = "jointly"\nreject_ambient = true', "needs 2 chips .* set chips = 2"),
         ('pitch = "0 mm"', "pitch must lie between 0.5 and 500 mm; got 0 mm"),
     ],
 )
