@@ -380,6 +380,21 @@ def test_an_array_has_all_chips_on_one_board_with_a_bus_for_each_set_of_addresse
     assert board_files.bill(parts_list.board_of(PAIR, whole.one, whole)) == board_files.bill(made)
 
 
+def test_ground_that_tracks_part_is_joined_by_vias():
+    """Four fingertips 14 mm apart: the tracks of the upper face enclose a pad of ground."""
+    whole = base.array_plan(grid_array(preset("fingertip"), 2, 2, 14.0), base.Base(), "sla")
+    made = array_board.wired(whole)
+    poured = dataclasses.replace(
+        made, pours=(board_layers.pour(made, below=False), board_layers.pour(made, below=True))
+    )
+    with pytest.raises(board_layers.NoRoom, match="would not be joined to the net GND"):
+        board_layers.check_joined(poured)
+    joined = board_layers.stitched(poured)
+    board_layers.check_joined(joined)
+    board_layers.check_rules(joined)
+    assert len(joined.vias) > len(poured.vias)
+
+
 def test_an_array_that_no_board_holds_is_refused():
     many = dataclasses.replace(PAIR, hall_layout="tle493d-w2b6")
     with pytest.raises(BadInput, match="36 chips tle493d-w2b6 are more than 8 buses of 4 addresses hold, 32"):

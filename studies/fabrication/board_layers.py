@@ -6,6 +6,7 @@ The rules are those of low-cost makers; a board that breaks one is refused.
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import itertools
 import math
@@ -267,18 +268,59 @@ def _spokes(pad: Pad) -> list[Polygon]:
 
 def check_joined(made: Board) -> None:
     """Raise NoRoom if a net is not one piece of copper."""
+    for net in made.nets:
+        if len(pieces := _joined(made, net)) > 1:
+            raise NoRoom(f"{pieces[1][0].name} would not be joined to the net {net}")
+
+
+def _joined(made: Board, net: str) -> list[list[Copper]]:
+    """Return the copper of a net as lists of what is joined."""
     pours = [
         Copper("GND", "ground", (not below, below), shape) for below in (False, True) for shape in made.pours[below]
     ]
-    for net in made.nets:
-        pieces = [piece for piece in (*copper(made), *pours) if piece.net == net]
-        reached, left = [pieces[0]], pieces[1:]
+    left, found = [piece for piece in (*copper(made), *pours) if piece.net == net], list[list[Copper]]()
+    while left:
+        reached, left = [left[0]], left[1:]
         for one in reached:
             near = [piece for piece in left if _touch(one, piece)]
             reached += near
             left = [piece for piece in left if piece not in near]
-        if left:
-            raise NoRoom(f"{left[0].name} would not be joined to the net {net}")
+        found.append(reached)
+    return found
+
+
+def stitched(made: Board) -> Board:
+    """Return a board whose pieces of ground are joined by vias, where ground of the other face has room for one."""
+    import shapely
+
+    while len(pieces := _joined(made, "GND")) > 1:
+        room = _room_for_via(made, [piece.shape for piece in pieces[1] if piece.name == "ground"])
+        if room.is_empty:
+            break
+        x, y = shapely.get_coordinates(shapely.shortest_line(room, pieces[1][0].shape))[0].tolist()
+        made = dataclasses.replace(made, vias=(*made.vias, Via("GND", (x, y))))
+    return made
+
+
+def _room_for_via(made: Board, ground: list[Polygon]) -> Polygon:
+    """Return where a via joins this ground to other ground of the opposite face."""
+    import shapely
+
+    within = -VIA / 2 - SLIVER / 4
+    (mine, rest), (mine_below, rest_below) = (
+        [
+            shapely.union_all([each.buffer(within) for each in pour if (each in ground) == own])
+            for own in (True, False)
+        ]
+        for pour in made.pours
+    )
+    drills = [(pad.at, pad.drill) for part in made.parts for pad in part.pads if pad.drill]
+    drills += [(via.at, DRILL) for via in made.vias]
+    # solder would run into a via in a pad, and names stand beside the header's pins
+    shut = [pad.shape(VIA / 2) for part in made.parts for pad in part.pads]
+    shut += [shapely.box(x - 1.0, y, x + 1.0, y + 4.5) for x, y in (pad.at for pad in made.parts[-1].pads)]
+    shut += [shapely.Point(at).buffer((d + DRILL) / 2 + HOLES_APART + 1e-3) for at, d in drills]
+    return ((mine & rest_below) | (rest & mine_below)) - shapely.union_all(shut)
 
 
 def _touch(one: Copper, other: Copper) -> bool:

@@ -163,7 +163,7 @@ def check_thickness(thickness: float) -> None:
 def finished(made: Board) -> Board:
     """Return a wired board with its ground, all of whose nets are joined, and its silkscreen."""
     ground = board_layers.pour(made, below=False), board_layers.pour(made, below=True)
-    made = dataclasses.replace(made, pours=ground)
+    made = board_layers.stitched(dataclasses.replace(made, pours=ground))
     board_layers.check_joined(made)
     return dataclasses.replace(made, ink=tuple(board_layers.ink(made)))
 
