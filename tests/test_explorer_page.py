@@ -317,7 +317,7 @@ def test_each_beam_of_an_array_keeps_its_load_and_is_chosen_by_pointer_and_keys(
     (_, _, pressed), (aside, _, _) = forces["set"][:2]
     assert (pressed > 2, aside < 0, forces["set"][2:]) == (True, True, [[0, 0, 0]] * 2)
     assert np.array(forces["jointly"]) == pytest.approx(np.array(forces["set"]), abs=1e-9)
-    assert f"{pressed:.4g}" in text(page, "[data-table=array_forces]")
+    wait(page, f"document.querySelector('[data-table=array_forces]').textContent.includes('{pressed:.4g}')")
     spoken = page.evaluate("document.querySelector('[data-beam=\"1\"]').getAttribute('aria-label')")
     assert spoken.startswith(f"Beam 1, magnet as designed: as set {pressed:.2f} newtons normal")
     click(page, "undo")
