@@ -92,6 +92,7 @@ def test_a_page_of_html_escapes_by_itself():
         stops=offline_page.Stops((0.0, 1.0), (0.0, 1.0), (0.0,)),
         presses=1,
         sheared=1,
+        of_array=False,
     )
     assert "<script>" not in page
     assert "&lt;script&gt;" in page
