@@ -26,7 +26,7 @@ QUICK = ("--magnet", "ignored", "--accuracy", "quick")
 
 
 BAD = [
-    ("solve", "solve needs DESIGN: add it behind the verb"),
+    ("solve", "solve needs DESIGN: add it behind the verb. It is: name of a preset (paper, fingertip"),
     ("solve paper", "no load is given: add --depth D in mm, --force F in N, or --grip HEIGHT with --shear X"),
     ("solve paper --dpeth 1", "did you mean --depth?"),
     ("solve paper --depth nan", "depth must be a finite number of mm, 0 or more; got nan"),
@@ -72,7 +72,7 @@ BAD = [
     ("explore paper --export page.html --port 8000", "--port has no meaning"),
     ("validate verify --quick --out ''", "--out is empty: give it a value, or leave it out"),
     ("verify --quick", "verify is a study of validation: type magtip validate verify"),
-    ("--depth 1", "Available commands: design, cad, board, mesh, catalogue"),
+    ("--depth 1", "size, solve, converge, ...; type magtip to see all"),
     ("friction --quick", "friction is a part of the study verify: type magtip validate verify friction"),
     ("validate trade", "trade is a part of the study errors: type magtip validate errors trade"),
     (

@@ -187,7 +187,7 @@ def test_file_fills_from_the_preset(toml):
     ("sets", "parts"),
     [
         (["magnet_hieght=3"], ["did you mean magnet_height"]),
-        (["qqqqqq=3"], ["choose one of D, L, f, E"]),
+        (["qqqqqq=3"], ["there is no key 'qqqqqq': `magtip design paper` lists all"]),
         (["D"], ["KEY=VALUE", "'D'"]),
         (["D=nan"], ["D must be a finite number", "nan"]),
         (["D=True"], ["D must be a finite number"]),

@@ -134,9 +134,9 @@ def _moved(error: UnknownCommandError) -> str:
     if word in app["validate"]:
         return f"{word} is a study of validation: type magtip validate {word}"
     found = [path.parent.name for path in VALIDATION.glob("*/*.py") if path.stem.partition("_")[0] == word]
-    return (
-        f"{word} is a part of the study {found[0]}: type magtip validate {found[0]} {word}" if found else str(error)
-    )
+    if found:
+        return f"{word} is a part of the study {found[0]}: type magtip validate {found[0]} {word}"
+    return re.sub(r"\.\.\.$", "...; type magtip to see all", str(error))
 
 
 def _missing(error: MissingArgumentError) -> str:
@@ -153,7 +153,11 @@ def _missing(error: MissingArgumentError) -> str:
     if surplus and error.app:
         known = [each for one in error.app.assemble_argument_collection() for each in one.names]
         return _no_option(surplus[0], known)
-    return f"{verb} needs {name}: add {f'{name} and its value' if name.startswith('--') else 'it behind the verb'}"
+    if name.startswith("--"):
+        return f"{verb} needs {name}: add {name} and its value"
+    about = re.split(r"\.(?:\s|$)", error.argument.parameter.help or "", maxsplit=1)[0]
+    about = about if about[1:2].isupper() else about[:1].lower() + about[1:]
+    return f"{verb} needs {name}: add it behind the verb. It is: {about}"
 
 
 def _no_number(error: CoercionError) -> str:

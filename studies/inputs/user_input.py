@@ -11,7 +11,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Literal
 
-from geometry.bad_input import nearest, no_effect
+from geometry.bad_input import closest, nearest, no_effect
 from geometry.design import PRESETS, BadInput, Design, paper, preset, preset_table
 from geometry.loads import Magnet
 from studies.output import console
@@ -144,7 +144,7 @@ def design_from(base: str, values: Mapping[str, Value], magnet: Magnet) -> Desig
 def overrides(sets: Sequence[str]) -> dict[str, Value]:
     """Return the fields that --set replaces."""
     texts = pairs("--set", sets, "D=10")
-    check_keys("--set", texts, FIELDS)
+    check_fields("--set", texts, FIELDS)
     return {key: value if _KINDS[key] is str else _number(key, value) for key, value in texts.items()}
 
 
@@ -161,11 +161,23 @@ def _number(name: str, text: str) -> float:
 def design_table(name: str, table: dict[str, Any]) -> tuple[str, dict[str, Value]]:
     """Return the name of the base preset, and the fields that a design's table states."""
     fields = {key: value for key, value in table.items() if key not in BESIDE}
-    values = checked(name, fields, {"base": str, **_KINDS})
+    kinds = {"base": str, **_KINDS}
+    check_fields(name, fields, kinds)
+    values = checked(name, fields, kinds)
     base = values.pop("base", "paper")
     if base not in PRESETS:
         raise BadInput(f"{name}: there is no preset {base!r} to be the base: {nearest(base, PRESETS)}")
     return base, values
+
+
+def check_fields(name: str, keys: Iterable[str], valid: Iterable[str]) -> None:
+    """Raise BadInput for the first key that is no field of a design, of which there are too many for a message."""
+    valid = list(valid)
+    for key in keys:
+        if key not in valid:
+            close = closest(key, valid)
+            remedy = f"did you mean {close}?" if close else "`magtip design paper` lists all"
+            raise BadInput(f"{name}: there is no key {key!r}: {remedy}")
 
 
 def check_keys(name: str, keys: Iterable[str], valid: Iterable[str]) -> None:

@@ -15,9 +15,9 @@ if TYPE_CHECKING:
     import pandas as pd
 
 FRONTS = (
-    ("fem_range_z_N", "fem_resolution_z_mN", "Resolution over range, finite elements"),
-    ("fem_range_z_N", "outer_size_mm", "Outer size over range, finite elements"),
-    ("fem_range_x_N", "fem_resolution_x_mN", "Sideways resolution over sideways range, finite elements"),
+    ("fem_range_z_N", "fem_resolution_z_mN", "Resolution over range (number: rank)"),
+    ("fem_range_z_N", "outer_size_mm", "Outer size over range (number: rank)"),
+    ("fem_range_x_N", "fem_resolution_x_mN", "Sideways resolution over sideways range (number: rank)"),
 )
 """Pairs of columns of front.csv that are drawn."""
 SHOWN = (
@@ -50,6 +50,7 @@ def front(table: pd.DataFrame) -> list[Figure]:
         )
         for row in np.flatnonzero(rank == 1)[:1]:
             caption += f"The best one, {names[row]}, has {_value(table, across, row)} and {_value(table, up, row)}."
+        caption += " Variants whose scores differ by less than their errors share a rank."
         data = pd.DataFrame({x: numbers(table, across), y: numbers(table, up), "series": kinds, "point": names})
         data["label"] = [f"{one:.0f}" if np.isfinite(one) else "" for one in rank]
         data = data.dropna(subset=[x, y])
