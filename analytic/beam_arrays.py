@@ -207,10 +207,10 @@ def standing(forward: Forward, array: ArrayDesign, *, ambient: bool = False) -> 
         raise BadInput(
             f"{inside} lies inside the beam of a neighbour at a pitch of {array.pitch:g} mm: take a larger pitch"
         )
-    if not (margin := rest(beams).margin) > 0:
+    if not rest(beams).margin > 0:
         raise BadInput(
-            f"the magnets of neighbours snap together at a pitch of {array.pitch:g} mm (margin {margin:.2g}): magtip "
-            "array says from which pitch on they do not"
+            f"the magnets of neighbours snap together at a pitch of {array.pitch:g} mm: take more than "
+            f"{critical_pitch(beams):.4g} mm, another polarity, or stiffer beams"
         )
     return beams
 

@@ -466,7 +466,7 @@ def test_a_design_file_with_an_array_is_read_decoded_and_streamed_as_one_sensor(
     path = tmp_path / "pads.toml"
     path.write_text(PADS, "utf-8")
     read = json.loads(run("readings", path, "--shift=0.1,0,-0.6", "--beam", "2", "--json")[1])
-    assert [beam["pole"] for beam in read["beams"]] == ["up", "down", "down", "up"]
+    assert [beam["north"] for beam in read["beams"]] == ["down", "up", "up", "down"]
     assert read["beams"][0]["shift_mm"] == [0, 0, 0]
     words = ("--level", "paper", "--json", "--readings=" + ",".join(map(str, read["readings_V"])))
     status, out, err = run("decode", path, *words)

@@ -264,11 +264,12 @@ def _decode_array(call: Call, array: ArrayDesign, decoding: option_groups.Decodi
     from studies.sensitivity import decode_tolerances
     from studies.simulation import mechanics_sources
 
-    if decoding.units or decoding.ignore_tilt or (decoding.file is not None and call.out is None and call.as_json):
-        raise BadInput(
-            "an array is decoded in the elements' unit, with the tilt of its mechanics, and its rows go to a table: "
-            "leave --units and --ignore-tilt out, and --json without --out"
-        )
+    if decoding.units:
+        raise BadInput("an array is decoded in the elements' unit: leave --units out")
+    if decoding.ignore_tilt:
+        raise BadInput("an array is decoded with the tilt of its mechanics: leave --ignore-tilt out")
+    if decoding.file is not None and call.out is None and call.as_json:
+        raise BadInput("the rows of an array go to a table: add --out to --json")
     rejects = decoding.reject_ambient
     if decoding.calibration is not None:
         from studies.calibration import calibrated_array, calibration_file

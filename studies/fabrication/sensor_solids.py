@@ -223,8 +223,8 @@ def array_scene(solids: FabricatedSolids) -> tuple[dict[str, tuple[Solid, str]],
     row = float(array.places[:, 1].min())
     parts = {name: (moved(part, (0.0, -row, 0.0)), colour) for name, (part, colour) in coloured_parts(solids).items()}
     points: dict[str, Vector] = {}
-    for k, ((x, y), pole) in enumerate(zip(array.places.tolist(), array.poles.tolist(), strict=True), 1):
-        north = design.magnet_north if pole > 0 else {"up": "down", "down": "up"}[design.magnet_north]
+    for k, (x, y) in enumerate(array.places.tolist(), 1):
+        north = array.of_beam(k - 1).magnet_north
         label = f"magnet {k}, north {north}"
         if y == row and f"magnet {k}" in parts and not any(name.endswith(north) for name in points):
             parts[label] = parts.pop(f"magnet {k}")

@@ -113,7 +113,7 @@ class Firmware:
     rated : largest normal force of the sensor, and largest force along its plate, N.
     array : the beams, of which the sensor is one; None for a single sensor.
     first_order : largest and median error of the force of an array, N, because its beams are not decoded jointly, and
-        the share of beams without a force, at random rated loads on all beams at once.
+        the share of beams without a force, in random poses of all beams at once, under rated loads at most.
     """
 
     coder: Decoder
@@ -223,8 +223,8 @@ def prepare(
 
 
 def _first_order(firmware: Firmware, beams: BeamArray) -> tuple[float, float, float]:
-    """Return largest and median error of the force, N, of beams not decoded jointly, at random rated loads, and the
-    share of the beams for which no force is found."""
+    """Return largest and median error of the force, N, of beams not decoded jointly, and the share of the
+    beams for which no force is found, in random poses of all beams at once, under rated loads at most."""
     coder, n = firmware.coder, len(beams)
     assert coder.mechanics is not None
     random = np.random.default_rng(1).uniform(coder.low, coder.high, (TRIED + 8 * FRAMES * n, 3)).T
@@ -661,8 +661,8 @@ def run(
         record["first_order_no_force_percent"] = 100 * lost
         remarks.append(
             f"magtip_array_step decodes {len(firmware.array)} beams to first order, which adds an error of up to "
-            f"{worst:.2g} N, {median:.2g} N in the median, at random rated loads on all beams at once, under which "
-            f"{100 * lost:.2g} % of the beams have no force; the test vectors and the sketch are those of one beam"
+            f"{worst:.2g} N, {median:.2g} N in the median, in random poses of all beams under rated loads at most: "
+            f"{100 * lost:.2g} % of the beams have no force then; test vectors and sketch are those of one beam"
         )
     return Result(
         title="Firmware",

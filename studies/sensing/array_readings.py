@@ -22,6 +22,7 @@ from analytic.array_stream import ArrayStream, Frame
 from analytic.beam_arrays import BeamArray, beam_array
 from analytic.decode import Decoder
 from analytic.hall import at_rail
+from analytic.inverse.forward_model import model
 from geometry.array_design import POLARITIES, ArrayDesign, grid_array, poles_of
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
@@ -166,8 +167,12 @@ def grid_of(source: str, options: Arraying) -> Grid:
 
 
 def read(array: ArrayDesign, pose: Pose, beam: int | None) -> Result:
-    """Return what all beams read where one of them, counted from 1, or all are in a pose, and the rest at rest."""
+    """Return what all beams read where one of them, counted from 1, or all are in a pose, and the rest at rest.
+
+    It refuses what `analytic.beam_arrays.standing` refuses.
+    """
     n = len(array)
+    beam_arrays.standing(model(array.design), array)
     if beam is not None and not 1 <= beam <= n:
         raise BadInput(f"--beam must lie between 1 and {n}; got {beam}")
     shift, tilt = pose_of(pose)
@@ -181,7 +186,7 @@ def read(array: ArrayDesign, pose: Pose, beam: int | None) -> Result:
         {
             "beam": k + 1,
             "place_mm": array.places[k].tolist(),
-            "pole": "up" if array.poles[k] > 0 else "down",
+            "north": array.of_beam(k).magnet_north,
             "shift_mm": shifts[k].tolist(),
             "rotation_rad": tilts[k].tolist(),
             "readings_T": whole[k].tolist(),
@@ -198,7 +203,7 @@ def read(array: ArrayDesign, pose: Pose, beam: int | None) -> Result:
     values = null + gain * whole if volts else 1e3 * whole
     columns = [f"{element.name}_{'V' if volts else 'mT'}" for element in elements]
     shown = [
-        {"beam": row["beam"], "pole": row["pole"], **_flat("place", row["place_mm"], "mm")}
+        {"beam": row["beam"], "north": row["north"], **_flat("place", row["place_mm"], "mm")}
         | dict(zip(columns, values[k].tolist(), strict=True))
         | {"neighbours_mT": 1e3 * float(np.abs(whole[k] - own[k]).max())}
         for k, row in enumerate(beams)

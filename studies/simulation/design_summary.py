@@ -169,10 +169,9 @@ def of_array(
         "magnets_N": float(forces.max()),
         "magnets_shift_mm": float(shifts.max()),
     }
-    turned = {"up": "down", "down": "up"}[array.design.magnet_north]
     for k, row in enumerate(beams):
         row |= {
-            "north": array.design.magnet_north if array.poles[k] > 0 else turned,
+            "north": array.of_beam(k).magnet_north,
             "neighbours_mT": 1e3 * float(np.abs(stray[k]).max()),
             "magnets_N": float(forces[k]),
             "magnets_shift_mm": float(shifts[k]),
