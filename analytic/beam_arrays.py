@@ -197,12 +197,8 @@ def standing(forward: Forward, array: ArrayDesign, *, ambient: bool = False) -> 
         An element lies inside the beam of a neighbour, or the magnets snap together; or the readings are too few for
         an ambient field.
     """
-    beams, count, n = replace(of_array(forward, array), ambient=ambient), len(forward.elements), len(array)
-    if ambient and n * count < 3 * n + 3:
-        raise BadInput(
-            f"an ambient field is three more unknowns beside the {3 * n} of {n} poses, which {n * count} readings do "
-            "not tell: take two chips of three axes or more for each beam (chip_count)"
-        )
+    beams = replace(of_array(forward, array), ambient=ambient)
+    check_readings(beams)
     if inside := beams.obstructed():
         raise BadInput(
             f"{inside} lies inside the beam of a neighbour at a pitch of {array.pitch:g} mm: take a larger pitch"
@@ -213,6 +209,16 @@ def standing(forward: Forward, array: ArrayDesign, *, ambient: bool = False) -> 
             f"{critical_pitch(beams):.4g} mm, another polarity, or stiffer beams"
         )
     return beams
+
+
+def check_readings(beams: BeamArray) -> None:
+    """Refuse beams with an ambient field whose readings are too few for it."""
+    n, count = len(beams), len(beams.forward.elements)
+    if beams.ambient and n * count < 3 * n + 3:
+        raise BadInput(
+            f"an ambient field is three more unknowns beside the {3 * n} of {n} poses, which {n * count} readings do "
+            "not tell: take two chips of three axes or more for each beam (chip_count)"
+        )
 
 
 def readings_in_poses(array: ArrayDesign, shift: Array, tilt: Array) -> tuple[Array, Array]:

@@ -1,6 +1,7 @@
 """Candidates as beams of an array: room, cross-talk and magnets' forces as estimated, as proved, and as written."""
 
 import dataclasses
+import json
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from geometry.base import WEB
 from geometry.design import BadInput, Design
 from studies.parts.catalogues import catalogues_of
 from studies.parts.requirements import Requirements, read_requirements, stated_requirements
+from studies.sensing import crosstalk
 from studies.sensing.array_readings import stated_grid
 from studies.sizing import beam_neighbours, conflicts, sizing_export
 from studies.sizing.candidate_performance import LEAST, performance
@@ -113,6 +115,23 @@ def test_beams_that_are_decoded_jointly_have_one_field_in_common_from_two_chips_
     row = beam_neighbours.proved(candidate(chips=2, wider=0.4).variant(0).design, needed)
     assert row["jointly_N"] < 1e-6
     assert row["jointly_no_force_percent"] == 0
+
+
+@pytest.mark.parametrize(("chips", "how", "rejects"), [(3, "subtracting", "always"), (2, "jointly", "jointly")])
+def test_array_tells_of_the_winner_what_the_sizing_proved(tmp_path, run, monkeypatch, chips, how, rejects):
+    # fewer pitches, and times of one size
+    monkeypatch.setattr(crosstalk, "STEPS", 2)
+    monkeypatch.setattr(crosstalk, "SIZES", (4,))
+    needed = dataclasses.replace(NEEDED, decoder=how, reject_ambient=True, ambient_error=0.02)
+    variant = candidate(chips=chips, wider=0.4 * (chips == 2)).variant(0)
+    row = beam_neighbours.proved(variant.design, needed)
+    sizing_export.write_design(variant, needed, tmp_path, polarity=row["polarity"])
+    status, out, _ = run("array", str(tmp_path / "winner.toml"), "--json")
+    told = json.loads(out)
+    assert (status, told["rejects_ambient"], row["rejects_ambient"]) == (0, rejects, rejects)
+    same = [name for name in row if name.endswith(("_N", "_percent")) and not name.startswith("jointly")]
+    assert {name: told[name] for name in same} == pytest.approx({name: row[name] for name in same}, rel=1e-6)
+    assert max(told["jointly_N"], row["jointly_N"]) < 1e-6
 
 
 def test_a_pitch_that_no_beam_fits_is_impossible_at_once():

@@ -493,8 +493,9 @@ def array(call: Call, *, options: option_groups.Arraying = option_groups.Arrayin
     """Show how beams of an array disturb each other: cross-talk, errors over pitch and polarity, forces of magnets.
 
     Each beam has its own elements below it. Errors are those of a decoder that ignores the neighbours, of one that
-    subtracts their fields once, and of one that decodes all beams together, at random loads of the design's range on
-    all beams. A table [array] of a design file has rows, columns, pitch (mm) and polarity.
+    subtracts their fields once, and of one that decodes all beams together: the largest of some random frames of
+    loads of the design's range on all beams. A table [array] of a design file has rows, columns, pitch (mm) and
+    polarity.
     """
     from geometry import base
     from studies.fabrication.sensor_solids import parse_fabrication_choices

@@ -415,6 +415,7 @@ class Arraying:
     list of up and down, row by row, such as up,down,down,up."""
     error: float = 1.0
     """Error of the force, percent of the range, for which the smallest pitch is found."""
+    reject_ambient: Rejecting = False
     source: SourceOfLoad = SourceOfLoad()
 
 

@@ -70,8 +70,12 @@ class Grid:
 
     @property
     def polarities(self) -> list[str | tuple[str, ...]]:
-        """Polarities that such an array may have, its own one the last if it is a list."""
-        return list(dict.fromkeys([*POLARITIES[: 1 if self.places else None], self.polarity]))
+        """Polarities of different poles that such an array may have, its own one by its own name."""
+        size, found = (1, len(self.places)) if self.places else (self.rows, self.columns), dict[Any, Any]()
+        for words in POLARITIES[: 1 if self.places else None]:
+            found.setdefault(tuple(poles_of(words, *size)), words)
+        found[tuple(poles_of(self.polarity, *size))] = self.polarity
+        return list(found.values())
 
     @property
     def words(self) -> str:
@@ -90,12 +94,17 @@ class Grid:
             return ArrayDesign(design, np.array(self.places), poles_of(words, 1, len(self.places)))
         return grid_array(design, self.rows, self.columns, 2 * design.D if self.pitch is None else self.pitch, words)
 
-    def array(self, coder: Decoder, pitch: float, polarity: str | tuple[str, ...]) -> BeamArray:
-        """Return the array at another pitch, the least distance of two beams, and another polarity."""
+    def array(
+        self, coder: Decoder, pitch: float, polarity: str | tuple[str, ...], *, ambient: bool = False
+    ) -> BeamArray:
+        """Return the array at another pitch, the least distance of two beams, and another polarity.
+
+        ambient : as in `BeamArray`.
+        """
         if not self.places:
-            return beam_array(coder.forward, self.rows, self.columns, pitch, polarity)
+            return replace(beam_array(coder.forward, self.rows, self.columns, pitch, polarity), ambient=ambient)
         own = self.design(coder.forward.design, polarity)
-        return BeamArray(coder.forward, own.places / own.pitch, own.poles, pitch)
+        return BeamArray(coder.forward, own.places / own.pitch, own.poles, pitch, ambient=ambient)
 
 
 def stated_grid(source: str, given: dict[str, Any] | None = None) -> Grid | None:

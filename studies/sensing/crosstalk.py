@@ -7,6 +7,9 @@ readings of the whole array (`analytic.beam_arrays`), tared at rest, are decoded
 - **subtracting**: each for itself again, less what its neighbours add in the poses so found, once;
 - **jointly**: all poses from all readings.
 
+A uniform field, the same for all beams, is rejected where that is asked for or required: jointly, with two chips a
+beam or more, in such a field; and by each beam by itself where it has readings enough (`beams_decoder`).
+
 Mechanics and elements count as exact. Forces in N, lengths in mm, fields in T unless a name says otherwise.
 """
 
@@ -22,10 +25,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from analytic import beam_arrays
+from analytic import beam_arrays, parts
 from analytic.beam_arrays import BeamArray, beam_array, readings_of_array
 from analytic.decode import Decoder, decoder
-from analytic.inverse import response_surface
+from analytic.inverse import ambient_field, response_surface
 from analytic.inverse.forward_model import model
 from geometry.array_design import POLARITIES
 from geometry.arrays import Array
@@ -42,6 +45,7 @@ from studies.sensing.disturbed_loads import Loads, loads_of, shifts_under
 if TYPE_CHECKING:
     import pandas as pd
 
+    from analytic.inverse.response_surface import Mechanics
     from geometry.base import Plan
     from studies.inputs.option_groups import Arraying
     from studies.parts.requirements import Requirements
@@ -56,12 +60,21 @@ FRAMES, MOST_LOADS, SEED = 16, 1024, 1
 """Number of random loads of the whole array, most loads of single beams in them, and their seed."""
 MANY = 36
 """Number of beams from which on the time that all takes is told after the first pitch."""
-REACHES = {"8 nearest": 1.5, "24 nearest": 2.5}
-"""Beams that a sparse joint decoder takes, and the distance up to which these lie, over the pitch."""
+REACHES = (1.5, 2.5)
+"""Distances up to which sparse joint decoders take neighbours, over the pitch: 8 and 24 of them in a large grid."""
 TIMED, REPEATS = 16, 9
 """Beams of the array whose decoding from readings alone is timed, and how often: the median counts."""
 SIZES, SHARES = (2, 4, 8, 16), (1e-2, 1e-3)
 """Rows and columns of the arrays that are timed, and errors over the range for which these have a reach."""
+EARTH_TURNED = 100e-6
+"""Change of a uniform field, T, where the design states none: that of the earth by half a turn."""
+REJECTED = {
+    "none": "A uniform field is not rejected.",
+    "jointly": "Decoded jointly, a uniform field is rejected, the same for all beams; a beam by itself, with "
+    "neighbours ignored or subtracted, has too few readings for that.",
+    "always": "A uniform field is rejected by each decoder; decoded jointly, it is the same for all beams.",
+}
+"""Which decoders reject a uniform field, and what is said of it."""
 LIGHTER = 0.99
 """Shifts of the frame before over those of the frame, for the time of following a stream."""
 
@@ -84,9 +97,10 @@ def run(
     # refused before the mechanics take their time
     pitch = grid.pitch_of(design)
     source = mechanics()
-    coder = decoder(design, source.law)
+    coder, field = beams_decoder(design, source.law, needed, asked=options.reject_ambient)
     loads, full, words = loads_of(coder, needed)
-    asked = grid.array(coder, pitch, grid.polarity)
+    asked = grid.array(coder, pitch, grid.polarity, ambient=field is not None)
+    beam_arrays.check_readings(asked)
     critical = beam_arrays.critical_pitch(asked)
     if inside := asked.obstructed():
         raise BadInput(
@@ -101,7 +115,7 @@ def run(
     frames = max(2, min(FRAMES, MOST_LOADS // len(asked)))
     drawn = random_loads(coder, loads, frames * len(asked))
     force, shift = (rows.reshape(frames, len(asked), 3) for rows in drawn)
-    rows = list(over_pitch(coder, grid, pitch, (force, shift), full, progress))
+    rows = list(over_pitch(coder, grid, pitch, (force, shift), full, progress, field))
     own = next(row for row in rows if row["polarity"] == _name(grid.polarity) and row["pitch_mm"] == pitch)
     laws, smallest = _laws(coder, grid, rows, shift), _smallest(rows, options.error)
     matrix, near = cross_talk(coder, asked, loads)
@@ -116,6 +130,7 @@ def run(
         "full_scale_N": full,
         "full_scale": words,
         "frames": frames,
+        "rejects_ambient": rejected(coder, asked),
         **{key: value for key, value in own.items() if key not in ("polarity", "pitch_mm", "status")},
         **_noise(coder, asked, force, shift),
         "magnets_change_N": change_of_forces(asked, shift),
@@ -127,7 +142,7 @@ def run(
         "laws": laws,
         "error_percent": options.error,
         "smallest_pitch": smallest,
-        **_cost(coder, grid, pitch, drawn[1], full),
+        **_cost(coder, grid, asked, drawn[1], full),
     }
     page = page_templates.rendered(
         Path(__file__).with_name("ARRAY.md.j2"),
@@ -135,6 +150,7 @@ def run(
         reason=source.reason,
         decoders=DECODERS,
         forces=forces_in_words(record),
+        field=REJECTED[record["rejects_ambient"]],
         cost=cost_in_words(record),
         whole=WHOLE,
         far=f"{100 * FAR_ERROR:g}",
@@ -160,12 +176,14 @@ def _shown(record: dict[str, Any], rows: list[FlatRow]) -> list[Table | str]:
     brief = [f"{name}_median_N" for name in DECODERS] + ["stray_change_mT", "margin"]
     brief += [f"{name}_no_force_percent" for name in ("subtracting", "jointly")]
     return [
-        Table(title=f"Errors of the force: {title}", rows=errors),
+        Table(title=f"Largest errors of the force in {record['frames']} random frames: {title}", rows=errors),
+        REJECTED[record["rejects_ambient"]],
         Table(title="Cross-talk by distance", rows=record["cross_talk"]),
         Table(title="Over the pitch", rows=rows, brief=brief),
         Table(title="Far away", rows=record["laws"]),
         Table(title=f"Smallest pitch for an error of {record['error_percent']:g} %", rows=record["smallest_pitch"]),
-        Table(title="Joint decoding with the nearest neighbours only", rows=record["sparse"]),
+        *[Table(title="Joint decoding with the nearest neighbours only", rows=record["sparse"])]
+        * bool(record["sparse"]),
         forces_in_words(record),
         cost_in_words(record),
         Table(title="Joint decoding over the number of beams", rows=record["cost"]),
@@ -213,6 +231,31 @@ def _name(polarity: str | tuple[str, ...]) -> str:
 # Loads and errors
 
 
+def beams_decoder(
+    design: Design, law: Mechanics | None, needed: Requirements | None, *, asked: bool = False
+) -> tuple[Decoder, Array | None]:
+    """Return the decoder of a beam, and what the uniform field that joint decoding rejects adds to its readings.
+
+    A field is rejected where it is asked for, and where it is required and the chips are as many as that takes. A
+    beam by itself rejects it from nine readings on. It is (k,), T, in the middle of three axes; None where no field
+    is rejected.
+    """
+    elements = parts.of_design(design)
+    stated = needed is not None and needed.reject_ambient and design.chip_count >= needed.fewest_chips
+    if not (asked or stated):
+        return decoder(design, law), None
+    coder = decoder(design, law, reject_ambient=len(elements) >= ambient_field.FEWEST)
+    size = EARTH_TURNED if needed is None else needed.ambient_change
+    return coder, size / math.sqrt(3) * ambient_field.directions(coder.forward.elements).sum(axis=1)
+
+
+def rejected(coder: Decoder, array: BeamArray) -> str:
+    """Return which decoders reject a uniform field, a key of `REJECTED`."""
+    if coder.field_fit is not None:
+        return "always"
+    return "jointly" if array.ambient else "none"
+
+
 def random_loads(coder: Decoder, loads: Loads, count: int) -> tuple[Array, Array]:
     """Return random forces of the range, (n, 3), N, and the shifts of the magnet under them, (n, 3), mm.
 
@@ -236,9 +279,18 @@ def random_loads(coder: Decoder, loads: Loads, count: int) -> tuple[Array, Array
 
 
 def over_pitch(
-    coder: Decoder, grid: Grid, pitch: float, drawn: tuple[Array, Array], full: float, progress: Progress
+    coder: Decoder,
+    grid: Grid,
+    pitch: float,
+    drawn: tuple[Array, Array],
+    full: float,
+    progress: Progress,
+    field: Array | None,
 ) -> list[FlatRow]:
-    """Return the errors of all decoders over the pitch for each polarity, that of the array among them."""
+    """Return the errors of all decoders over the pitch for each polarity, that of the array among them.
+
+    field : of `beams_decoder`.
+    """
     D = coder.forward.design.D
     between = [float(f"{each * D:.4g}") for each in np.geomspace(NEAREST, FARTHEST, STEPS)[:-1]]
     pitches = sorted({*between, *(each * D for each in (FARTHEST, *FAR)), pitch})
@@ -250,7 +302,8 @@ def over_pitch(
             console.say(f"magtip: {grid.words} at {len(cases)} pitches and polarities: about {_minutes(left)}")
         told = f", about {_minutes(left)} left" if k and len(grid) >= MANY else ""
         progress(k / len(cases), f"{_name(polarity)}, pitch {each:g} mm{told}")
-        rows.append(errors_of_array(coder, grid.array(coder, each, polarity), _name(polarity), drawn, full))
+        array = grid.array(coder, each, polarity, ambient=field is not None)
+        rows.append(errors_of_array(coder, array, _name(polarity), drawn, full, field))
     return rows
 
 
@@ -259,12 +312,17 @@ def _minutes(seconds: float) -> str:
 
 
 def errors_of_array(
-    coder: Decoder, array: BeamArray, polarity: str, drawn: tuple[Array, Array], full: float
+    coder: Decoder,
+    array: BeamArray,
+    polarity: str,
+    drawn: tuple[Array, Array],
+    full: float,
+    field: Array | None = None,
 ) -> FlatRow:
     """Return the errors of all decoders, what the neighbours add to the readings, and forces of the magnets at rest.
 
     drawn : forces, N, and shifts of the magnets, mm, of all beams in some frames, (f, n, 3).
-    full : of which percentages are, N.
+    full : of which percentages are, N. field : of `beams_decoder`.
     """
     force, shift = drawn
     magnets, stray = beam_arrays.rest(array), readings_of_array(array, 0 * shift[:1], own=False)
@@ -275,7 +333,7 @@ def errors_of_array(
     elif not magnets.margin > 0:
         status = "neighbours snap together"
     else:
-        decoded = forces_of_decoders(coder, array, readings_of_array(array, shift))
+        decoded = forces_of_decoders(coder, array, readings_of_array(array, shift), field)
     for name in DECODERS:
         found |= errors(name, decoded[name], force, full)
     return found | {
@@ -288,52 +346,85 @@ def errors_of_array(
     }
 
 
-def forces_of_decoders(coder: Decoder, array: BeamArray, readings: Array) -> dict[str, Array]:
-    """Return the decoded forces (f, n, 3), N, of readings (f, n, k), T, by the names of the decoders."""
+def forces_of_decoders(
+    coder: Decoder, array: BeamArray, readings: Array, field: Array | None = None
+) -> dict[str, Array]:
+    """Return the decoded forces (f, n, 3), N, of readings (f, n, k), T, by the names of the decoders.
+
+    field : what a uniform field adds to the readings that are decoded jointly, (k,), T, where the array rejects it.
+    """
     shape = (*readings.shape[:2], 3)
     stray = readings_of_array(array, np.zeros((1, *shape[1:])), own=False)
     alone = beam_arrays.decoded_alone(coder, array, readings - stray)
     first = beam_arrays.at_rest_where_unknown(alone, shape)
     once = beam_arrays.less_neighbours(coder, array, readings, first)
-    joint = beam_arrays.decoded_jointly(coder, array, readings, beam_arrays.at_rest_where_unknown(once, shape))
+    start = beam_arrays.at_rest_where_unknown(once, shape)
+    if array.ambient:
+        readings = readings if field is None else readings + field
+        start = _start_in_field(coder, array, readings)
+    joint = beam_arrays.decoded_jointly(coder, array, readings, start)
     forces = alone.force, once.force, _forces(coder, joint)
     return {name: force.reshape(shape) for name, force in zip(DECODERS, forces, strict=True)}
 
 
+def _start_in_field(coder: Decoder, array: BeamArray, readings: Array) -> Array:
+    """Return shifts (f, n, 3), mm, near those that readings (f, n, k), T, in an unknown field have."""
+    start = np.zeros((*readings.shape[:2], 3))
+    for _ in range(2):
+        found = beam_arrays.shifts_alone(coder, array, readings, start)
+        start = np.where(np.isfinite(found), found, start)
+    return start
+
+
 def errors(name: str, decoded: Array, force: Array, full: float) -> FlatRow:
-    """Return worst and median error of decoded forces (..., 3), N, of those that are known, and the share without."""
+    """Return largest and median error of the known ones of decoded forces (..., 3), N, and the share of others."""
     error = np.linalg.norm(decoded - force, axis=-1)
     known = error[np.isfinite(error)]
-    worst, median = (float(known.max()), float(np.median(known))) if len(known) else (math.nan, math.nan)
+    largest, median = (float(known.max()), float(np.median(known))) if len(known) else (math.nan, math.nan)
     return {
-        f"{name}_N": worst,
+        f"{name}_N": largest,
         f"{name}_median_N": median,
-        f"{name}_percent": 100 * worst / full,
+        f"{name}_percent": 100 * largest / full,
         f"{name}_no_force_percent": 100 * (1 - len(known) / error.size),
     }
 
 
 def _noise(coder: Decoder, array: BeamArray, force: Array, shift: Array) -> FlatRow:
-    """Return the root mean square of the force's error by noise, decoded jointly, and of beams without neighbours."""
+    """Return the root mean square of the force's error by noise, decoded jointly, and of beams by themselves.
+
+    Those have no neighbours, and reject a field where they can do so by themselves.
+    """
     if not coder.sigma.any():
         return {"noise_N": math.nan, "noise_alone_N": math.nan}
     noise = coder.sigma * np.random.default_rng(SEED).normal(size=(*shift.shape[:2], len(coder.sigma)))
-    alone = replace(array, reach=0.0)
+    cases = ("noise_N", array, "jointly"), ("noise_alone_N", replace(array, reach=0.0, ambient=False), "ignoring")
     found = {}
-    for name, which in (("noise_N", array), ("noise_alone_N", alone)):
-        decoded = forces_of_decoders(coder, which, readings_of_array(which, shift) + noise)["jointly"]
+    for name, which, how in cases:
+        decoded = forces_of_decoders(coder, which, readings_of_array(which, shift) + noise)[how]
         found[name] = float(np.sqrt(np.nanmean(((decoded - force) ** 2).sum(axis=-1))))
     return found
 
 
 def _sparse(coder: Decoder, array: BeamArray, force: Array, shift: Array, full: float) -> list[FlatRow]:
-    """Return the errors of joint decoders that know the nearest neighbours only, and others as at rest."""
-    readings, rows = readings_of_array(array, shift), []
-    for name, over_pitch in REACHES.items():
+    """Return the errors of joint decoders that know the nearest neighbours only, and others as at rest.
+
+    Reaches within which all beams lie are left out.
+    """
+    readings, rows = readings_of_array(array, shift), list[FlatRow]()
+    for over_pitch in REACHES:
         near = replace(array, reach=over_pitch * array.pitch)
+        if near.pairs.shape == array.pairs.shape:
+            continue
         decoded = forces_of_decoders(coder, near, readings)["jointly"]
-        rows.append({"neighbours": name, "reach_mm": near.reach} | errors("error", decoded, force, full))
+        rows.append(
+            {"neighbours": _most_neighbours(near), "reach_mm": near.reach} | errors("error", decoded, force, full)
+        )
     return rows
+
+
+def _most_neighbours(array: BeamArray) -> int:
+    """Return the largest number of neighbours that a beam has within the reach."""
+    return int(np.bincount(array.pairs[0]).max()) - 1
 
 
 def change_of_forces(array: BeamArray, shift: Array) -> float:
@@ -416,7 +507,7 @@ def _change_of_stray(array: BeamArray, shift: Array) -> float:
 
 
 def _smallest(rows: list[FlatRow], limit: float) -> list[FlatRow]:
-    """Return for each polarity and decoder the pitch from which on the worst error stays within a limit, percent.
+    """Return for each polarity and decoder the pitch from which on the largest error stays within a limit, percent.
 
     Between two pitches it is interpolated on logarithmic scales; where all are within it, the first one is an upper
     bound.
@@ -444,16 +535,17 @@ def _smallest(rows: list[FlatRow], limit: float) -> list[FlatRow]:
     return found
 
 
-def costs(coder: Decoder, pitch: float, polarity: str, shift: Array, full: float) -> list[FlatRow]:
+def costs(coder: Decoder, like: BeamArray, polarity: str, shift: Array, full: float) -> list[FlatRow]:
     """Return times of joint decoding, and errors by the reach, of square arrays of the sizes `SIZES`.
 
     For each of them all magnets count, and those within the least reaches for the errors `SHARES`.
 
+    like : array of the same pitch, which rejects a field or not.
     shift : random shifts under loads, (m, 3), mm. full : force of which errors are percentages, N.
     """
     found: list[FlatRow] = []
     for size in SIZES:
-        whole = beam_array(coder.forward, size, size, pitch, polarity)
+        whole = replace(beam_array(coder.forward, size, size, like.pitch, polarity), ambient=like.ambient)
         stated = [(whole, 0.0), *with_reaches(coder, whole, SHARES)[0]]
         errors = {near.reach: (near, error) for near, error in stated}
         frames = np.resize(shift, (2, len(whole), 3))
@@ -465,7 +557,7 @@ def costs(coder: Decoder, pitch: float, polarity: str, shift: Array, full: float
             spent, decoded = _median_ms(follow, max(1, 2 * TIMED // len(whole)))
             off = np.linalg.norm(_forces(coder, decoded) - _forces(coder, frames), axis=-1)
             found.append({
-                "beams": len(whole), "neighbours": int(np.bincount(near.pairs[0]).max()) - 1,
+                "beams": len(whole), "neighbours": _most_neighbours(near),
                 "reach_mm": near.reach if math.isfinite(near.reach) else math.nan,
                 "stated_N": error, "stated_percent": 100 * error / full,
                 "error_N": float(off.max()), "error_percent": 100 * float(off.max()) / full,
@@ -490,12 +582,12 @@ def _median_ms(decode: Callable[[], Any], repeats: int) -> tuple[float, Any]:
     return float(np.median(times)), found
 
 
-def _cost(coder: Decoder, grid: Grid, pitch: float, shift: Array, full: float) -> dict[str, Any]:
+def _cost(coder: Decoder, grid: Grid, like: BeamArray, shift: Array, full: float) -> dict[str, Any]:
     """Return the times of decoding a frame of `TIMED` beams, ms, from its readings alone and from poses nearby, and
     of other sizes."""
     polarity = grid.polarity if isinstance(grid.polarity, str) else "up"
-    rows, side = costs(coder, pitch, polarity, shift, full), math.isqrt(TIMED)
-    array = beam_array(coder.forward, side, side, pitch, polarity)
+    rows, side = costs(coder, like, polarity, shift, full), math.isqrt(TIMED)
+    array = replace(beam_array(coder.forward, side, side, like.pitch, polarity), ambient=like.ambient)
     readings = readings_of_array(array, np.resize(shift, (1, TIMED, 3)))
     alone = partial(forces_of_decoders, coder, array, readings)
     follow = next(row["follow_ms"] for row in rows if row["beams"] == TIMED)
@@ -548,7 +640,7 @@ def figures(table: pd.DataFrame, limit: float = 1.0) -> list[Figure]:
     worst = table.loc[table["ignoring_no_force_percent"].idxmax()]
     lost, at = worst["ignoring_no_force_percent"], worst["pitch_mm"]
     notes = [
-        "Random loads on all beams, tared at rest.",
+        "Largest of some random frames of loads on all beams, tared at rest.",
         f"The level dashed line lies at {limit:g} %.",
         *[f"Readings that give no force, with neighbours ignored up to {lost:.2g} % at {at:g} mm, are not counted."]
         * bool(lost),

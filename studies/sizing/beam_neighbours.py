@@ -11,27 +11,24 @@ where s is the state of a beam (depth, shear and across); decoded jointly, nothi
 push each other, as dipoles side by side do; what that changes with their shifts counts in full as a force.
 
 **Proof**: as `magtip array` has it, by `studies.sensing.crosstalk`: random loads on all beams of a square of
-`SIDE` x `SIDE`, exact fields, all decoders, forces of exact magnets, and the pitch at which neighbours snap together.
+`SIDE` x `SIDE`, exact fields, the same decoders, which reject a field where that is required, forces of exact
+magnets, and the pitch at which neighbours snap together.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from analytic.beam_arrays import BeamArray, decoded_jointly, readings_of_array, shifts_alone
-from analytic.decode import Decoder, decoder, state
-from analytic.inverse.ambient_field import directions
 from analytic.inverse.forward_model import readings_of_sensors
 from analytic.magnet import MU_0
 from geometry.array_design import POLARITIES, layout_of, poles_of
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from studies.output.records import FlatRow
-from studies.parts.requirements import LEAST_CHIPS
 from studies.sensing import crosstalk
 from studies.sensing.array_readings import Grid
 from studies.sensing.disturbed_loads import loads_of
@@ -147,9 +144,7 @@ def proved(design: Design, needed: Requirements) -> FlatRow:
     """
     assert needed.pitch is not None
     source = mechanics_sources.source_of(design)
-    several = needed.reject_ambient and design.chip_count >= needed.fewest_chips
-    in_common = several and needed.fewest_chips < LEAST_CHIPS
-    coder = decoder(design, source.law, reject_ambient=several and not in_common)
+    coder, field = crosstalk.beams_decoder(design, source.law, needed)
     loads, full, _ = loads_of(coder, needed)
     count = crosstalk.FRAMES * SIDE**2
     drawn = crosstalk.random_loads(coder, loads, count)
@@ -157,27 +152,12 @@ def proved(design: Design, needed: Requirements) -> FlatRow:
     rows = []
     for polarity in polarities(needed):
         grid = Grid(SIDE, SIDE, needed.pitch, polarity)
-        array = grid.array(coder, needed.pitch, polarity)
-        row = crosstalk.errors_of_array(coder, array, polarity, (force, shift), full)
-        if in_common and row["status"] == "ok":
-            row |= _in_a_field(coder, array, (force, shift), needed)
+        array = grid.array(coder, needed.pitch, polarity, ambient=field is not None)
+        row = crosstalk.errors_of_array(coder, array, polarity, (force, shift), full, field)
         change = crosstalk.change_of_forces(array, shift) if row["status"] == "ok" else math.nan
-        rows.append(row | {"magnets_change_N": change, "mechanics": source.name})
+        own = {"rejects_ambient": crosstalk.rejected(coder, array), "mechanics": source.name}
+        rows.append(row | {"magnets_change_N": change} | own)
     return min(rows, key=lambda row: _total(row, needed))
-
-
-def _in_a_field(coder: Decoder, array: BeamArray, drawn: tuple[Array, Array], needed: Requirements) -> FlatRow:
-    """Return the error of joint decoding in the required field, turned, which is the same for all beams, N."""
-    (force, shift), n = drawn, len(array)
-    field = needed.ambient_change / math.sqrt(3) * directions(coder.forward.elements).sum(axis=1)
-    read, beams = readings_of_array(array, shift) + field, replace(array, ambient=True)
-    start = 0 * shift
-    for _ in range(2):
-        found = shifts_alone(coder, beams, read, start)
-        start = np.where(np.isfinite(found), found, start)
-    joint = decoded_jointly(coder, beams, read, start)
-    decoded = state(coder, np.ascontiguousarray(joint.reshape(-1, 3).T))[1].T.reshape(len(shift), n, 3)
-    return crosstalk.errors("jointly", decoded, force, needed.force_z)
 
 
 def _total(row: FlatRow, needed: Requirements) -> float:

@@ -34,7 +34,7 @@ from studies.output.records import FlatRow
 from studies.output.result import Block, Result, Table, Writer
 from studies.parts.catalogues import Catalogues, catalogues_of
 from studies.parts.requirements import CRITERIA, Requirements
-from studies.sensing.crosstalk import DECODERS
+from studies.sensing.crosstalk import DECODERS, FRAMES, REJECTED
 from studies.sizing import conflicts, front_yield, sizing_figures
 from studies.sizing.advice import Proof
 from studies.sizing.beam_neighbours import SIDE
@@ -416,6 +416,8 @@ def page(sizing: Sizing) -> str:
         nearest_array=nearest.array if nearest else {},
         side=SIDE,
         decoders=DECODERS,
+        random_frames=FRAMES,
+        rejected=REJECTED,
         nearest_worst=[] if nearest is None else nearest.worst,
         misses=[{"requirement": name, "margin, %": 100 * margins[name]} for name in least],
         reached=[] if sizing.winner is None else _reached(sizing.winner.solved, sizing.requirements),
