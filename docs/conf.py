@@ -70,9 +70,9 @@ def drawn_pictures(app, docname, source):
     path = Path(app.env.doc2path(docname))
     # the hand-written part of a verb's page is a page of its own in the repository only
     source[0] = re.sub(r"\]\(((?:\.\./)*(?:docs/)?)verbs/", r"](\1reference/verb/", source[0])
-    run = documented_commands.PICTURES if path.parent == reference_pages.FOLDER / "verb" else path
+    run = documented_commands.PICTURES if path.parent == documented_commands.REFERENCE / "verb" else path
     if path in documented_commands.TUTORIALS:
-        notebooks.write(path, reference_pages.FOLDER)
+        notebooks.write(path, documented_commands.REFERENCE)
         link = f"[Download this page as a notebook](../reference/{path.stem}.ipynb)."
         source[0] = source[0].replace("\n\n", f"\n\n{link}\n\n", 1)
     elif run != documented_commands.PICTURES:

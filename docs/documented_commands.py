@@ -29,6 +29,8 @@ ROOT = Path(__file__).resolve().parent.parent
 TUTORIALS = sorted((ROOT / "docs" / "tutorials").glob("[!i]*.md"))
 PICTURES = ROOT / "docs" / "pictures.md"
 """A command and its result for each verb; they follow each other in one folder, as those of a tutorial do."""
+REFERENCE = ROOT / "docs" / "reference"
+"""Pages and drawings that are made when the site is built: none of them is in a new clone."""
 FENCE = re.compile(r"^( *)```(\w+)( long)?\n(.*?)^\1```$", flags=re.M | re.S)
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
 FILE = re.compile(r"(?:# (\S+\.toml)|/\* (\S+\.c):)")
@@ -149,9 +151,10 @@ def run(path: Path, folder: Path, *, long: bool) -> None:
 
 
 def pictures(path: Path) -> list[str]:
-    """Return the pictures of a document that its blocks make: those that are not there beside it."""
+    """Return the pictures of a document that its blocks make: those neither beside it nor in the reference."""
     shown = re.findall(r"!\[[^]]*\]\(([^)]+)\)", path.read_text("utf-8"))
-    return [name for name in shown if not (path.parent / name).exists()]
+    places = {name: (path.parent / name).resolve() for name in shown}
+    return [name for name, place in places.items() if not (place.is_relative_to(REFERENCE) or place.exists())]
 
 
 def _run_all(path: Path, root: Path) -> str | None:

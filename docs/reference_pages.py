@@ -13,7 +13,7 @@ from pathlib import Path
 import jinja2
 
 import magtip
-from docs.documented_commands import PICTURES
+from docs.documented_commands import PICTURES, REFERENCE
 from geometry.design import Design, paper
 from geometry.loads import Load
 from studies.cli.commands import app
@@ -22,7 +22,6 @@ from studies.parts.requirements import Requirements
 from studies.quantities import QUANTITIES, UNITS
 
 DOCS = Path(__file__).resolve().parent
-FOLDER = DOCS / "reference"
 VERBS = [verb for verb in app if not verb.startswith("-")]
 PAGES = ["design", "load", "python", "quantities", "requirements", "verbs", *(f"verb/{verb}" for verb in VERBS)]
 """Names of the pages, each with its template; those of verbs share one."""
@@ -50,8 +49,8 @@ def page(name: str) -> str:
 
 def write() -> None:
     """Write all pages and drawings; files that stay the same are not touched."""
-    FOLDER.joinpath("verb").mkdir(parents=True, exist_ok=True)
-    texts = {FOLDER / f"{name}.md": functools.partial(page, name) for name in PAGES}
+    REFERENCE.joinpath("verb").mkdir(parents=True, exist_ok=True)
+    texts = {REFERENCE / f"{name}.md": functools.partial(page, name) for name in PAGES}
     texts |= {DOCS / name: functools.partial(draw, paper()) for name, draw in DRAWINGS.items()}
     for path, make in texts.items():
         text = make()

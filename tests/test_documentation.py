@@ -23,7 +23,7 @@ DOCUMENTS = sorted(
     path
     for folder in (".", *PACKAGES, "docs", "results")
     for path in (ROOT / folder).glob("*.md" if folder == "." else "**/*.md")
-    if not path.is_relative_to(reference_pages.FOLDER)
+    if not path.is_relative_to(documented_commands.REFERENCE)
 )
 HEADING = re.compile(r"^### `([\w.]+)`$")
 ROW = re.compile(r"^\| `(\w+)` \|")
@@ -83,7 +83,7 @@ def check_links(text, path):
             continue
         file, _, anchor = target.partition("#")
         goal = (path.parent / file).resolve() if file else path
-        if goal.is_relative_to(reference_pages.FOLDER):
+        if goal.is_relative_to(documented_commands.REFERENCE):
             made = [*(f"reference/{page}.md" for page in reference_pages.PAGES), *reference_pages.DRAWINGS]
             assert goal.relative_to(reference_pages.DOCS).as_posix() in made, target
             continue
@@ -113,7 +113,7 @@ def test_links_lead_to_files_and_headings(path):
 def test_pages_of_the_reference_have_all_names_and_links(page, names):
     text = reference_pages.page(page)
     assert [name for name in names if not re.search(rf"^(\| |#+ )`?{name}`?( |$)", text, flags=re.M)] == []
-    check_links(text, reference_pages.FOLDER / f"{page}.md")
+    check_links(text, documented_commands.REFERENCE / f"{page}.md")
 
 
 def defined(path):

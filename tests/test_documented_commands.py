@@ -31,6 +31,14 @@ def name(path):
     return path.relative_to(ROOT).with_suffix("").as_posix()
 
 
+def test_pictures_of_the_reference_are_none_of_the_blocks(tmp_path, monkeypatch):
+    """In a new clone they are not there before the site is built."""
+    monkeypatch.setattr(documented_commands, "REFERENCE", tmp_path / "reference")
+    page = tmp_path / "page.md"
+    page.write_text("![Chips](reference/chips.svg) ![Beside](page.md) ![Drawn](solve.png)", "utf-8")
+    assert documented_commands.pictures(page) == ["solve.png"]
+
+
 def of_kind(*kinds):
     chosen = [block for block in BLOCKS if block.kind in kinds]
     return pytest.mark.parametrize("block", chosen, ids=lambda block: f"{name(block.path)}-{block.number}")
