@@ -89,7 +89,7 @@ def converge(
     Parameters
     ----------
     levels
-        Number of meshes, from the edge lengths of level quick on, 4 to 8.
+        Number of meshes, 4 to 8, not a name of a level; the first has the edge lengths of level quick.
     ratio
         Ratio of the edge lengths of a mesh to those of the next one.
     """

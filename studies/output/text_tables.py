@@ -11,8 +11,8 @@ from studies.quantities import FACTORS, UNITS, column_unit, shown
 
 READ_IN = {"T": "mT"}
 """Units in which values of tables are read that are kept in another one."""
-RELATIVE = "error_estimate"
-"""End of the keys of relative errors, which are read in percent."""
+RELATIVE = ("error_estimate", "expected_error")
+"""Ends of the keys of relative errors, which are read in percent, as is a tolerance of them."""
 SYMBOLS = {column_unit(unit): UNITS[unit] for unit in sorted(UNITS, key=len, reverse=True) if UNITS[unit]}
 """Symbols of units by the last part of a key, the longest first: V_per_T ends with T."""
 TURNS = {
@@ -31,6 +31,16 @@ MISFITS = {
     "table_error_percent": ("error of the tables, force over full scale", UNITS["percent"]),
 }
 """Names of the decoder's errors: differences of its polynomials from the fitted states or formulas, and of tables."""
+SPREADS = {
+    "noise_um": ("noise of the shift", UNITS["um"]),
+    "noise_N": ("noise of the force", UNITS["N"]),
+    "noise_N_per_N": ("noise of the force over its size", ""),
+    "noise_T": ("noise of the field", UNITS["mT"]),
+    "noise_V": ("noise of the output", UNITS["V"]),
+    "tolerance_N": ("tolerance of the force", UNITS["N"]),
+    "tolerance_N_per_N": ("tolerance of the force over its size", ""),
+}
+"""Names of standard deviations of which a table has several: by noise, and over built sensors."""
 
 
 def titled(key: str) -> str:
@@ -56,20 +66,20 @@ def heading(key: str) -> tuple[str, str]:
 
     >>> heading("stiffness_N_per_mm"), heading("shift_per_mm"), heading("gain_drift_per_K"), heading("field_T")
     (('stiffness', 'N/mm'), ('shift', 'mm/mm'), ('gain drift', '1/K'), ('field', 'mT'))
-    >>> heading("shift_error_estimate")
-    ('shift error estimate', '%')
+    >>> heading("shift_error_estimate"), heading("expected_error"), heading("noise_um")
+    (('shift error estimate', '%'), ('expected error', '%'), ('noise of the shift', 'µm'))
     """
     if key in TURNS:
         return TURNS[key], UNITS["rad"]
-    if key in MISFITS:
-        return MISFITS[key]
+    if named := MISFITS.get(key) or SPREADS.get(key):
+        return named
     name, unit = name_and_unit(key)
     return name, UNITS[other] if (other := _read_in(key, unit)) else unit
 
 
 def _read_in(key: str, unit: str) -> str:
     """Return the name of the unit in which values of a key are read if that is another one than theirs, else ""."""
-    return "percent" if key.endswith(RELATIVE) else READ_IN.get(unit, "")
+    return "percent" if key.endswith(RELATIVE) or key == "tolerance" else READ_IN.get(unit, "")
 
 
 def name_and_unit(key: str) -> tuple[str, str]:
@@ -102,8 +112,10 @@ def in_words(key: str) -> str:
 def in_unit(key: str, value: Any, digits: int = 5) -> str:
     """Return a value as text, in the unit of the key's heading.
 
-    >>> in_unit("field_T", 0.01), in_unit("error_estimate", 0.005), in_unit("at", {"shift_mm": [0.1, 2.0]})
-    ('10', '0.5', 'shift 0.1, 2 mm')
+    >>> in_unit("field_T", 0.01), in_unit("error_estimate", 0.005), in_unit("tolerance", 0.02)
+    ('10', '0.5', '2')
+    >>> in_unit("at", {"shift_mm": [0.1, 2.0]})
+    'shift 0.1, 2 mm'
     """
     if isinstance(value, (list, tuple)):
         return ", ".join(in_unit(key, item, digits) for item in value)
