@@ -5,6 +5,7 @@ Beams are counted from 1, row by row: along x in a row, rows along y, about the 
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -17,6 +18,8 @@ from geometry.design import POLES, BadInput, Design
 
 POLARITIES = ("up", "checkerboard", "rows")
 """All magnets alike; every other one reversed, along rows and columns; every other row reversed."""
+WIDEST = 1000.0
+"""Largest width of an array along x or y, mm: one plate and one board lie below all beams."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -31,7 +34,7 @@ class ArrayDesign:
     Raises
     ------
     BadInput
-        There are fewer than two beams, or two overlap.
+        There are fewer than two beams, two overlap, or the array is wider than `WIDEST`.
     """
 
     design: Design
@@ -41,8 +44,18 @@ class ArrayDesign:
     def __post_init__(self) -> None:
         if not len(self.places) >= 2:
             raise BadInput(f"an array has two beams or more; got {len(self.places)} place: give more places")
-        if not self.design.D < self.pitch < math.inf:
-            raise BadInput(f"beams overlap: the pitch must exceed D = {self.design.D:g} mm; got {self.pitch:g} mm")
+        width = float(np.ptp(self.places, axis=0).max())
+        if not width <= WIDEST:
+            raise BadInput(
+                f"an array may be {WIDEST:g} mm wide from its first to its last beam; got {width:g} mm: take a "
+                "smaller pitch, fewer beams or nearer places"
+            )
+        if not self.design.D < self.pitch:
+            first, second = list(itertools.combinations(range(1, len(self) + 1), 2))[int(self._distances.argmin())]
+            raise BadInput(
+                f"places {first} and {second} are {self.pitch:g} mm apart: beams overlap, so set them more "
+                f"than D = {self.design.D:g} mm apart"
+            )
 
     def __len__(self) -> int:
         return len(self.places)
@@ -61,8 +74,13 @@ class ArrayDesign:
     @property
     def pitch(self) -> float:
         """The least distance of two beams, mm."""
+        return float(self._distances.min())
+
+    @property
+    def _distances(self) -> Array:
+        """Of beams 1 and 2, 1 and 3, and so on, mm."""
         apart = np.linalg.norm(self.places[:, None] - self.places, axis=-1)
-        return float(apart[np.triu_indices(len(self), 1)].min())
+        return np.asarray(apart[np.triu_indices(len(self), 1)])
 
 
 def grid_array(
