@@ -50,7 +50,7 @@ class ArrayDesign:
                 f"an array may be {WIDEST:g} mm wide from its first to its last beam; got {width:g} mm: take a "
                 "smaller pitch, fewer beams or nearer places"
             )
-        if not self.design.D < self.pitch:
+        if not self.pitch > self.design.D:
             first, second = list(itertools.combinations(range(1, len(self) + 1), 2))[int(self._distances.argmin())]
             raise BadInput(
                 f"places {first} and {second} are {self.pitch:g} mm apart: beams overlap, so set them more "

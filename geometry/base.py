@@ -394,6 +394,11 @@ def array_plan(array: ArrayDesign, choices: Base, process: str = "fdm") -> Array
             f"needed: take a pitch of {math.ceil(100 * (array.pitch + WEB - gap)) / 100:g} mm or more"
             + (", or a base without recesses (recess=0)" if p.recess else "")
         )
+    return plan_under(array, p)
+
+
+def plan_under(array: ArrayDesign, p: Plan) -> ArrayPlan:
+    """Return the plan of one plate for the beams of an array from that of one beam, of which nothing is checked."""
     (west, south), (east, north) = array.places.min(axis=0).tolist(), array.places.max(axis=0).tolist()
     screws = tuple(((east if x > 0 else west) + x, (north if y > 0 else south) + y) for x, y in p.screws)
     return ArrayPlan(array, p, (west - p.half, south - p.half, east + p.half, north + p.half), screws)

@@ -506,7 +506,7 @@ def test_a_design_file_with_an_array_is_read_decoded_and_streamed_as_one_sensor(
 
 
 ARRAYS = {
-    'places = ["0,0", "30,0", "9,0", "30,0"]': "places 2 and 4 are 0 mm apart: beams overlap, so set them more than D",
+    'places = ["0,0", "30,0", "9,0", "30,0"]': "places 2 and 4 are 0 mm apart: beams overlap, so set them more",
     'places = ["0,0", "1e6,0"]': "an array may be 1000 mm wide from its first to its last beam; got 1e+06 mm",
     'places = ["0,0", "12"]': "places of an array are X,Y in mm, such as '12,0'; got '12'",
     'places = ["0,0", "12,0"]\npolarity = "rows"': "an array of places has no rows: give its polarity as a list",

@@ -401,6 +401,31 @@ def test_an_array_that_no_board_holds_is_refused():
         array_board.board(base.array_plan(grid_array(many, 6, 6, 12.0), base.Base()))
     with pytest.raises(BadInput, match=r"thickness of the board must be 0.8 or 1.6 mm; got 1 mm"):
         array_board.board(base.array_plan(grid_array(PAIR, 1, 2, 12.0), base.Base()), 1.0)
+    three = dataclasses.replace(PAIR, chip_count=3, chip_x=4.4)
+    with pytest.raises(BadInput, match=r"27 chips .* hold, 16: take fewer beams or chips, or take tle493d-w2b6"):
+        array_board.board(base.array_plan(grid_array(three, 3, 3, 14.0), base.Base()))
+
+
+def test_chips_of_one_beam_are_on_two_buses_where_they_have_two_addresses():
+    """A board of three TLV493D below each of two beams; below a single one they are refused (as a verb, above)."""
+    three = dataclasses.replace(PAIR, chip_count=3, chip_x=4.4)
+    made = array_board.board(base.array_plan(grid_array(three, 1, 2, 14.0), base.Base()))
+    assert made.addresses == ("0x5E", "0x1F") * 3
+    assert made.channels == (0, 0, 1, 1, 2, 2)
+    board_layers.check_rules(made)
+
+
+def test_a_refusal_says_a_larger_pitch_only_where_a_board_of_it_has_room():
+    near = Design(D=4.2, L=4.8, magnet_height=1.0, magnet_diameter=2.0, l0=5.5, hall_layout="tmag5273a1")
+    with pytest.raises(BadInput, match=r"take a larger pitch \(7 mm has room\), or fewer beams$"):
+        array_board.board(base.array_plan(grid_array(near, 2, 1, 4.4), base.Base(recess=0), "sla"))
+    array_board.board(base.array_plan(grid_array(near, 2, 1, 7.0), base.Base(recess=0), "sla"))
+    # the chips of each beam are too near to its screws
+    three = dataclasses.replace(FOUR, chip_count=3, chip_x=2.9, D=6.2, L=6.8, magnet_height=3.0)
+    with pytest.raises(
+        BadInput, match=r"to the screw hole .*: a pitch of 24 mm has none either, so take another chip_x"
+    ):
+        array_board.board(base.array_plan(grid_array(three, 1, 2, 16.0), base.Base(), "sla"))
 
 
 def test_tracks_are_found_round_others_and_through_the_board_or_not_at_all():

@@ -22,7 +22,7 @@ from studies.parts.requirements import Requirements, stated_requirements
 from studies.sensitivity.beam_motions import motions
 from studies.sensitivity.made_sensors import nominal_sensor, share_with_error
 from studies.simulation.solved_beams import SolvedBeams
-from studies.sizing import front_yield, sizing_export
+from studies.sizing import front_yield, sizing_export, sizing_study
 from studies.sizing.candidate_performance import FIGURES, LEAST, performance
 from studies.sizing.candidate_variables import Space, joined
 from studies.sizing.front_solves import (
@@ -276,6 +276,25 @@ def test_a_point_whose_worst_load_fails_is_not_ranked_but_what_it_dominates_is(e
     ]
     assert order[-1].reason == f"finite elements {said} the load of the strain: {elements.failure[1]}"
     assert order[0].solved["strain"] == order[0].worst[0]["strain_percent"] / 100 != 1.0
+
+
+@pytest.mark.parametrize(
+    ("chips", "pitch", "reason"),
+    [
+        (2, None, ""),
+        (3, None, "3 chips tlv493d-a1b6 cannot share a bus"),
+        (3, 16.0, "27 chips tlv493d-a1b6 are more than 8 buses of 2 addresses hold, 16"),
+    ],
+)
+def test_a_sizing_says_what_board_would_refuse(chips, pitch, reason):
+    chosen = {"hall_layout": "tlv493d-a1b6", "chip_count": float(chips), "chip_x": 4.4, "l0": 8.0}
+    variant = dataclasses.replace(MADE, design=dataclasses.replace(MADE.design, **chosen))
+    point = dataclasses.replace(points([(10, 0.01, 20)])[0], variant=variant)
+    needed = dataclasses.replace(NEEDED, pitch=pitch)
+    sizing = sizing_study.Sizing(needed, PARTS, sizing_study.Settings(), 1, 1, [point], None, None)
+    result = sizing_study.result_of(sizing, "", "", wide=False)
+    assert [reason in text for text in result.warnings] == [True] * bool(reason)
+    assert (reason or "`magtip board winner.toml --out board` has addresses and places") in result.pages["SIZING.md"]
 
 
 def test_a_strain_that_is_unknown_under_one_load_is_unknown():

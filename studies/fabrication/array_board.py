@@ -17,8 +17,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
 
-from geometry.base import BOARDS, ArrayPlan
-from geometry.design import BadInput
+from geometry import base
+from geometry.array_design import ArrayDesign
+from geometry.base import BOARDS, ArrayPlan, Base
+from geometry.design import BadInput, Design
 from geometry.fabrication.hall_elements import chip_centres
 from geometry.hall_chips import Pads
 from studies.fabrication import board_layers, circuit_board
@@ -31,6 +33,9 @@ TAB, ROW = 20.0, 3.2
 """Length of the tab with a switch, and distance along y of the rows of capacitors and resistors below the switch."""
 TABS = ((28.0, 2.2), (36.0, 2.8))
 """Widths of such a tab and distances of its parts along x; the second is tried where the first leaves no way."""
+
+FARTHER = 1.5
+"""A board without room is tried at a pitch so many times larger."""
 
 Wire = TypeVar("Wire", Track, Via, Pad)
 
@@ -47,10 +52,35 @@ def board(whole: ArrayPlan, thickness: float = BOARDS[0]) -> Board:
     try:
         return circuit_board.finished(wired(whole, thickness))
     except NoRoom as error:
-        raise BadInput(
-            f"the board of {len(whole.array)} beams has no room, {error}: take a larger pitch than "
-            f"{whole.array.pitch:g} mm, or fewer beams; 4 x 4 beams of one chip have room from some 12 mm on"
-        ) from None
+        count, remedies = len(whole.array), _remedies(whole)
+        raise BadInput(f"the board of {count} beams has no room, {error}: {remedies}") from None
+
+
+def _remedies(whole: ArrayPlan) -> str:
+    """Return what gives room, as far as a board at `FARTHER` times the pitch tells."""
+    array, several = whole.array, whole.array.design.chip_count > 1
+    pitch = math.ceil(2 * FARTHER * array.pitch) / 2
+    fewer = "fewer beams or chips" if several else "fewer beams"
+    try:
+        apart = dataclasses.replace(array, places=array.places * pitch / array.pitch)
+        circuit_board.finished(wired(base.plan_under(apart, whole.one)))
+    except BadInput:
+        base_or_chips = "another chip_x, a larger base" if several else "a larger base"
+        return f"a pitch of {pitch:g} mm has none either, so take {base_or_chips} (--base outer=...), or {fewer}"
+    return f"take a larger pitch ({pitch:g} mm has room), or {fewer}"
+
+
+def refusal(design: Design, array: ArrayDesign | None, choices: Base, process: str) -> str:
+    """Return why a design, or an array of it, has no board, as far as is known before tracks are searched; "" if it
+    may have one."""
+    try:
+        if array:
+            placed(base.array_plan(array, choices, process))
+        else:
+            circuit_board.wired(design, base.plan(design, choices, process))
+    except BadInput as error:
+        return str(error)
+    return ""
 
 
 def wired(whole: ArrayPlan, thickness: float = BOARDS[0]) -> Board:
@@ -105,9 +135,10 @@ def placed(
     circuit = circuit_board.circuit_of(design)
     share, count = len(circuit.addresses), len(whole.array) * int(design.chip_count)
     if not count <= (most := SWITCH["channels"] * share):
+        fewer = "fewer beams or chips" if design.chip_count > 1 else "fewer beams"
         raise BadInput(
             f"{count} chips {design.hall_layout} are more than {SWITCH['channels']} buses of {share} addresses hold, "
-            f"{most}: take fewer beams" + (" or chips" if design.chip_count > 1 else "")
+            f"{most}: take {fewer}{circuit.remedy and f', or {circuit.remedy}'}"
         )
     buses = math.ceil(count / share)
     supplies = circuit_board.supplies(circuit, min(share, count))

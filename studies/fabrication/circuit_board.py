@@ -77,8 +77,8 @@ def _circuit(table: dict[str, Any]) -> Circuit:
 
 
 def circuit_of(design: Design) -> Circuit:
-    """Return the circuit of a design's Hall parts; BadInput where there is none, or chips cannot share a bus."""
-    known, layout, count = circuits(), design.hall_layout, int(design.chip_count)
+    """Return the circuit of a design's Hall parts; BadInput where there is none."""
+    known, layout = circuits(), design.hall_layout
     if layout not in known or (layout != "three" and design.chip.pads is None):
         known_pads = layout != "three" and design.chip.pads is not None
         lacking = "circuit" if known_pads else "footprint"
@@ -86,13 +86,7 @@ def circuit_of(design: Design) -> Circuit:
             f"no {lacking} of {layout} is known: set hall_layout to one of {', '.join(known)}, or draw the board by "
             "the base's board.dxf (magtip cad)"
         )
-    circuit = known[layout]
-    if layout != "three" and count > len(circuit.addresses):
-        raise BadInput(
-            f"{count} chips {layout} cannot share a bus, as they have {len(circuit.addresses)} addresses, "
-            f"{', '.join(circuit.addresses)}: {circuit.remedy or 'set a smaller chip_count'}"
-        )
-    return circuit
+    return known[layout]
 
 
 # The board
@@ -420,6 +414,11 @@ def _digital(design: Design, plan: Plan, circuit: Circuit) -> Board:
     """Return the board of chips; the bus takes the first gap between or beside them in which no rule is broken."""
     chip, count = design.chip, int(design.chip_count)
     assert chip.pads is not None
+    if count > (most := len(circuit.addresses)):
+        raise BadInput(
+            f"{count} chips {design.hall_layout} cannot share a bus, as they have {most} addresses, "
+            f"{', '.join(circuit.addresses)}: {circuit.remedy or 'set a smaller chip_count'}"
+        )
     half = chip.pads.size[0] / 2 + (CLEARANCE + VIA + 0.05 if chip.pads.centre else 0.0)
     across = sorted({x for x, _ in hall_elements.chip_centres(design).values()})
     # of two supplies, that of the chip on the left is the left column

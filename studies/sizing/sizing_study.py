@@ -19,6 +19,7 @@ import numpy as np
 
 from fem.accuracy import STANDARD, Accuracy
 from fem.scene import Model
+from geometry.array_design import grid_array
 from geometry.design import BadInput, Design
 from geometry.loads import Load
 from geometry.messages import Progress
@@ -158,6 +159,18 @@ class Sizing:
     def winner(self) -> FrontPoint | None:
         """The best point that finite elements confirm."""
         return self.front[0] if self.front and self.front[0].status == "ok" else None
+
+    @property
+    def board_refusal(self) -> str:
+        """Why `magtip board` refuses the winner, or the array of it in winner.toml, before it searches tracks; "" if
+        it does not."""
+        from studies.fabrication import array_board
+
+        if self.winner is None:
+            return ""
+        design, needed = self.winner.variant.design, self.requirements
+        array = None if needed.pitch is None else grid_array(design, SIDE, SIDE, needed.pitch)
+        return array_board.refusal(design, array, needed.base, needed.process)
 
     @property
     def message(self) -> str:
@@ -364,6 +377,7 @@ def result_of(sizing: Sizing, origin: str, command: str, *, wide: bool) -> Resul
         shown.append(f"Yield of the first: {made_sensors.sentence}.")
     if sizing.winner and sizing.winner.doubt:
         shown.append(f"Of the first, {sizing.winner.doubt}.")
+    refused = sizing.board_refusal
     tables = {"front": rows, "yield": [] if made_sensors is None else made_sensors.rows()}
     return Result(
         title="Sizing",
@@ -372,6 +386,7 @@ def result_of(sizing: Sizing, origin: str, command: str, *, wide: bool) -> Resul
         tables={name: each for name, each in tables.items() if each},
         files=files,
         pages={"SIZING.md": page(sizing)},
+        warnings=[f"magtip board refuses the best variant: {refused}"] if refused else [],
         failures=[] if sizing.winner else [sizing.message],
         design={} if sizing.winner is None else dataclasses.asdict(sizing.winner.variant.design),
     )
