@@ -459,7 +459,8 @@ class _Rated:
         found["drift"] = drift, 1
         if self.needed.ambient_error is not None:
             by_field = _largest_singular_value(np.stack(more[1:], axis=-1).transpose(1, 2, 0, 3))
-            found["ambient"] = np.where(self._in_common[:, None], 0 * by_field, by_field), 1
+            rejected = np.where(np.isfinite(by_field), 0.0, np.nan)
+            found["ambient"] = np.where(self._in_common[:, None], rejected, by_field), 1
         if self.needed.temperature_error is not None:
             forces = [np.tile(each[:, self.load], 2) for each in self._forces(1.0)]
             size = np.abs(np.array([cos * forces[1], sin * forces[1], forces[0]]))
