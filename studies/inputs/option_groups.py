@@ -126,7 +126,7 @@ Rejecting = Annotated[
     bool,
     Parameter(
         help="Take a uniform ambient field for three more unknowns, so that it does not count as a force; needs "
-        "three chips of three axes or more."
+        "three chips of three axes or more, an array two a beam (in firmware three)."
     ),
 ]
 Untilted = Annotated[bool, Parameter(help="Assume that the magnet does not tilt.")]
