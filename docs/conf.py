@@ -82,9 +82,20 @@ def drawn_pictures(app, docname, source):
         source[0] = source[0].replace(f"]({name})", f"]({folder}/{name})")
 
 
+def titles(app, docname, source):
+    """Tell pages of one title apart: results in sub-folders by these, and the README from the site's first page."""
+    head, path = source[0].partition("\n")[0], Path(app.env.doc2path(docname))
+    alike = [each for each in (ROOT / "results").rglob("*.md") if each.read_text("utf-8").startswith(f"{head}\n")]
+    if path == ROOT / "README.md":
+        source[0] = source[0].replace(head, "# Overview", 1)
+    elif path in alike and len(alike) > 1 and path.parent.parent != ROOT / "results":
+        source[0] = source[0].replace(head, f"{head}: {path.parent.name.replace('_', ' ')}", 1)
+
+
 def setup(app):
     logging.getLogger("skfem").setLevel(logging.WARNING)
     app.connect("builder-inited", lambda app: reference_pages.write())
     app.connect("autodoc-process-docstring", in_sections, priority=100)
+    app.connect("source-read", titles)
     app.connect("source-read", drawn_pictures)
     app.connect("doctree-read", folders_as_text)
