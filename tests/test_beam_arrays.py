@@ -51,12 +51,17 @@ def slope_of(function, shift, beam, axis, step=1e-4):
 
 
 def test_the_field_of_a_far_neighbour_falls_by_the_cube_and_its_gradient_by_the_fourth_power():
-    near, far = (beam_array(STILL, 1, 2, factor * DESIGN.D, "up") for factor in (1000, 2000))
+    pair = beam_array(STILL, 1, 2, 12.0, "up")
+    near, far = (replace(pair, pitch=factor * DESIGN.D) for factor in (1000, 2000))
     rest = np.zeros((1, 2, 3))
     fields = [np.abs(readings_of_array(each, rest, own=False)).max() for each in (near, far)]
     gradients = [np.abs(slopes_of_array(each, rest)[1][0, 0, :, 1]).max() for each in (near, far)]
     assert np.log2(fields[0] / fields[1]) == pytest.approx(3, abs=0.01)
     assert np.log2(gradients[0] / gradients[1]) == pytest.approx(4, abs=0.01)
+
+
+def test_laws_far_away_have_pitches_at_which_no_array_is_built():
+    assert len(Grid(1, 16, 12.0).array(CODER, 20 * DESIGN.D, "rows")) == 16
 
 
 def test_a_beam_reads_its_own_magnet_as_a_single_sensor():

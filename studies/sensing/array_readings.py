@@ -19,7 +19,7 @@ import numpy as np
 
 from analytic import beam_arrays, parts
 from analytic.array_stream import ArrayStream, Frame
-from analytic.beam_arrays import BeamArray, beam_array
+from analytic.beam_arrays import BeamArray
 from analytic.decode import Decoder
 from analytic.hall import at_rail
 from analytic.inverse.forward_model import model
@@ -101,8 +101,7 @@ class Grid:
 
         ambient : as in `BeamArray`.
         """
-        if not self.places:
-            return replace(beam_array(coder.forward, self.rows, self.columns, pitch, polarity), ambient=ambient)
+        # laws far away need pitches at which no array is built
         own = self.design(coder.forward.design, polarity)
         return BeamArray(coder.forward, own.places / own.pitch, own.poles, pitch, ambient=ambient)
 

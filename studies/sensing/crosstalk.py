@@ -26,11 +26,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from analytic import beam_arrays, parts
-from analytic.beam_arrays import BeamArray, beam_array, readings_of_array
+from analytic.beam_arrays import BeamArray, readings_of_array
 from analytic.decode import Decoder, decoder
 from analytic.inverse import ambient_field, response_surface
 from analytic.inverse.forward_model import model
-from geometry.array_design import POLARITIES
+from geometry.array_design import POLARITIES, layout_of, poles_of
 from geometry.arrays import Array
 from geometry.design import BadInput, Design
 from geometry.messages import Progress
@@ -545,7 +545,7 @@ def costs(coder: Decoder, like: BeamArray, polarity: str, shift: Array, full: fl
     """
     found: list[FlatRow] = []
     for size in SIZES:
-        whole = replace(beam_array(coder.forward, size, size, like.pitch, polarity), ambient=like.ambient)
+        whole = replace(like, layout=layout_of(size, size), poles=poles_of(polarity, size, size))
         stated = [(whole, 0.0), *with_reaches(coder, whole, SHARES)[0]]
         errors = {near.reach: (near, error) for near, error in stated}
         frames = np.resize(shift, (2, len(whole), 3))
@@ -587,7 +587,7 @@ def _cost(coder: Decoder, grid: Grid, like: BeamArray, shift: Array, full: float
     of other sizes."""
     polarity = grid.polarity if isinstance(grid.polarity, str) else "up"
     rows, side = costs(coder, like, polarity, shift, full), math.isqrt(TIMED)
-    array = replace(beam_array(coder.forward, side, side, like.pitch, polarity), ambient=like.ambient)
+    array = replace(like, layout=layout_of(side, side), poles=poles_of(polarity, side, side))
     readings = readings_of_array(array, np.resize(shift, (1, TIMED, 3)))
     alone = partial(forces_of_decoders, coder, array, readings)
     follow = next(row["follow_ms"] for row in rows if row["beams"] == TIMED)
