@@ -189,7 +189,14 @@ def _summed(pairs: Ints, values: Array) -> Array:
 
 
 def standing(forward: Forward, array: ArrayDesign, *, ambient: bool = False) -> BeamArray:
-    """Return the beams of an array that can be built; `ambient` as in `BeamArray`.
+    """Return the beams of an array, which `check_standing` takes; `ambient` as in `BeamArray`."""
+    beams = replace(of_array(forward, array), ambient=ambient)
+    check_standing(beams)
+    return beams
+
+
+def check_standing(beams: BeamArray) -> None:
+    """Refuse beams that cannot be built or read.
 
     Raises
     ------
@@ -197,18 +204,16 @@ def standing(forward: Forward, array: ArrayDesign, *, ambient: bool = False) -> 
         An element lies inside the beam of a neighbour, or the magnets snap together; or the readings are too few for
         an ambient field.
     """
-    beams = replace(of_array(forward, array), ambient=ambient)
     check_readings(beams)
     if inside := beams.obstructed():
         raise BadInput(
-            f"{inside} lies inside the beam of a neighbour at a pitch of {array.pitch:g} mm: take a larger pitch"
+            f"{inside} lies inside the beam of a neighbour at a pitch of {beams.pitch:g} mm: take a larger pitch"
         )
     if not rest(beams).margin > 0:
         raise BadInput(
-            f"the magnets of neighbours snap together at a pitch of {array.pitch:g} mm: take more than "
+            f"the magnets of neighbours snap together at a pitch of {beams.pitch:g} mm: take more than "
             f"{critical_pitch(beams):.4g} mm, another polarity, or stiffer beams"
         )
-    return beams
 
 
 def check_readings(beams: BeamArray) -> None:

@@ -100,18 +100,7 @@ def run(
     coder, field = beams_decoder(design, source.law, needed, asked=options.reject_ambient)
     loads, full, words = loads_of(coder, needed)
     asked = grid.array(coder, pitch, grid.polarity, ambient=field is not None)
-    beam_arrays.check_readings(asked)
-    critical = beam_arrays.critical_pitch(asked)
-    if inside := asked.obstructed():
-        raise BadInput(
-            f"{inside} lies inside the beam of a neighbour at a pitch of {pitch:g} mm: take a larger pitch"
-        )
-    if not beam_arrays.rest(asked).margin > 0:
-        raise BadInput(
-            f"the magnets of neighbours snap together at a pitch of {pitch:g} mm: with a shift their forces grow by "
-            f"more than the {beam_arrays.stiffness(design)[0]:.3g} N/mm of a beam; take more than {critical:.4g} mm, "
-            "another polarity, or stiffer beams"
-        )
+    beam_arrays.check_standing(asked)
     frames = max(2, min(FRAMES, MOST_LOADS // len(asked)))
     drawn = random_loads(coder, loads, frames * len(asked))
     force, shift = (rows.reshape(frames, len(asked), 3) for rows in drawn)
@@ -136,7 +125,7 @@ def run(
         "magnets_change_N": change_of_forces(asked, shift),
         "dipole_force_over_exact": beam_arrays.dipole_share(design, pitch),
         "stiffness_N_per_mm": float(beam_arrays.stiffness(design)[0]),
-        "critical_pitch_mm": critical,
+        "critical_pitch_mm": beam_arrays.critical_pitch(asked),
         "cross_talk": near,
         "sparse": sparse,
         "laws": laws,
