@@ -103,6 +103,12 @@ def test_loads_that_are_none_are_refused(text):
         asked({"beam_loads": text})
 
 
+@pytest.mark.parametrize("beam", ["nan", 1e400, "1.5", -1])
+def test_a_beam_that_is_no_number_of_one_is_refused(beam):
+    with pytest.raises(BadInput, match="beam must be a whole number of 1 or more"):
+        asked({"beam": beam})
+
+
 def test_an_exported_design_is_the_array_of_the_page(tmp_path):
     for stated in (STATED, Grid(polarity=("up", "down"), places=((0.0, 0.0), (9.5, -3.0)))):
         request = asked({"pitch": 15.5, "polarity": "rows"} if stated is STATED else {}, stated=stated)

@@ -209,9 +209,12 @@ def array_of(values: Mapping[str, Any]) -> BeamLoads:
         if not parts[0] >= 0:
             raise BadInput(f"the depth of beam {number} must be 0 mm or more; got {parts[0]:g} mm")
         loads[int(number)] = parts[0], *components(*[*parts[1:], 0.0, 0.0][:2])
+    beam = _number("beam", values.get("beam") or 1)
+    if not (beam >= 1 and beam % 1 == 0):
+        raise BadInput(f"beam must be a whole number of 1 or more; got {beam:g}")
     pitch, words = values.get("pitch"), str(values.get("polarity") or "")
     return BeamLoads(
-        beam=int(_number("beam", values.get("beam", 1))),
+        beam=int(beam),
         loads=loads,
         pitch=None if pitch in (None, "") else _number("pitch", pitch),
         polarity=words if words in ("", *POLARITIES) else tuple(words.split(",")),
