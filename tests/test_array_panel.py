@@ -110,7 +110,7 @@ def test_a_beam_that_is_no_number_of_one_is_refused(beam):
 
 
 def test_an_exported_design_is_the_array_of_the_page(tmp_path):
-    for stated in (STATED, Grid(polarity=("up", "down"), places=((0.0, 0.0), (9.5, -3.0)))):
+    for stated in (STATED, Grid(polarity=("up", "down"), places=((0.0, 0.0), (9.1234567, -3.0)))):
         request = asked({"pitch": 15.5, "polarity": "rows"} if stated is STATED else {}, stated=stated)
         file = tmp_path / "design.toml"
         file.write_text(state_exports.design_file(request))

@@ -156,7 +156,7 @@ def array_text(grid: Grid) -> str:
     """
     values: dict[str, Any] = {"rows": grid.rows, "columns": grid.columns, "pitch": grid.pitch}
     if grid.places:
-        values = {"places": [f"{x:g},{y:g}" for x, y in grid.places]}
+        values = {"places": [f"{x},{y}" for x, y in grid.places]}
     values["polarity"] = grid.polarity if isinstance(grid.polarity, str) else list(grid.polarity)
     stated = {key: value for key, value in values.items() if value is not None}
     return "\n".join(["[array]", *toml(stated)]) + "\n"
