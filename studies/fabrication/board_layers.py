@@ -302,6 +302,13 @@ def stitched(made: Board) -> Board:
     return made
 
 
+def pin_names(made: Board) -> list[Polygon]:
+    """Return where the names of the header's pins are printed, which no via may take."""
+    import shapely
+
+    return [shapely.box(x - 1.0, y, x + 1.0, y + 4.5) for x, y in (pad.at for pad in made.parts[-1].pads)]
+
+
 def _room_for_via(made: Board, ground: list[Polygon]) -> Polygon:
     """Return where a via joins this ground to other ground of the opposite face."""
     import shapely
@@ -316,9 +323,8 @@ def _room_for_via(made: Board, ground: list[Polygon]) -> Polygon:
     )
     drills = [(pad.at, pad.drill) for part in made.parts for pad in part.pads if pad.drill]
     drills += [(via.at, DRILL) for via in made.vias]
-    # solder would run into a via in a pad, and names stand beside the header's pins
-    shut = [pad.shape(VIA / 2) for part in made.parts for pad in part.pads]
-    shut += [shapely.box(x - 1.0, y, x + 1.0, y + 4.5) for x, y in (pad.at for pad in made.parts[-1].pads)]
+    # solder would run into a via in a pad
+    shut = [pad.shape(VIA / 2) for part in made.parts for pad in part.pads] + pin_names(made)
     shut += [shapely.Point(at).buffer((d + DRILL) / 2 + HOLES_APART + 1e-3) for at, d in drills]
     return ((mine & rest_below) | (rest & mine_below)) - shapely.union_all(shut)
 

@@ -30,6 +30,7 @@ from studies.fabrication.board_layers import (
     Track,
     Via,
     copper,
+    pin_names,
 )
 
 if TYPE_CHECKING:
@@ -108,10 +109,8 @@ class Grid:
         for pad in (pad for part in made.parts for pad in part.pads if not pad.drill):
             # solder would run into a via in a pad
             self._close(self.via, pad.shape(VIA / 2), SHUT)
-        for pad in made.parts[-1].pads:
-            # the names of the header's pins are printed beside them
-            x, y = pad.at
-            self._close(self.via, shapely.box(x - 1.0, y, x + 1.0, y + 4.5), SHUT)
+        for name in pin_names(made):
+            self._close(self.via, name, SHUT)
 
     def copy(self) -> Grid:
         other = object.__new__(Grid)
